@@ -1,0 +1,179 @@
+r"""Exercises that answer at once: property checks on fresh inputs, with a hint for each misconception.
+
+A lab calls ``check("lab02.range_from_height", my_function)`` and shows what comes back.  A check draws new
+inputs each time, so an answer that was typed in cannot pass; it knows the wrong turns that people take, so a
+wrong answer is told *which* wrong turn it took; and it never prints the right answer.
+
+The checks of lab NN live in ``coursekit.exercises.labNN``; writing one takes three verbs:
+
+``call``    runs the student's function on copies and catches what it raises, returns or changes in place,
+``close``   compares with the truth and, when wrong, with what each misconception would have produced,
+``expect``  states any other property.
+"""
+
+from __future__ import annotations
+
+import contextvars
+import copy
+import html
+import importlib
+import pkgutil
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+Check = Callable[[Any, np.random.Generator], None]
+ROUNDS = 5  # fresh inputs per check; a lucky guess has to be lucky five times
+
+_checks: dict[str, Check] = {}
+_listener: contextvars.ContextVar[list[Verdict] | None] = contextvars.ContextVar("verdicts", default=None)
+
+
+class Misconception(Exception):
+    """A check did not hold; the message is the hint that the student reads."""
+
+
+@dataclass(frozen=True)
+class Verdict:
+    """What a check says: a card in JupyterLab, one line of text elsewhere.  True when it passed."""
+
+    name: str
+    passed: bool
+    hint: str = ""
+
+    def __bool__(self) -> bool:
+        return self.passed
+
+    def __repr__(self) -> str:
+        return f"✓ {self.name}: correct." if self.passed else f"✗ {self.name}: not yet. {self.hint}"
+
+    def _repr_html_(self) -> str:
+        colour, mark, word = ("#1b7f4b", "✓", "Correct") if self.passed else ("#b3541e", "✗", "Not yet")
+        hint = f'<div style="margin-top:.3em">{html.escape(self.hint)}</div>' if self.hint else ""
+        return (
+            f'<div role="status" style="border-left:.35em solid {colour};padding:.5em .9em;margin:.3em 0;max-width:46em">'
+            f'<b style="color:{colour}">{mark} {word}</b> <code>{html.escape(self.name)}</code>{hint}</div>'
+        )
+
+
+def check(name: str, answer: Any, seed: int | None = None) -> Verdict:
+    """Judge an answer: five rounds on fresh inputs, well under a second.
+
+    Parameters
+    ----------
+    name : the exercise, as in "lab02.range_from_height"; ``names()`` lists them.
+    answer : what the exercise asked for, most often a function.
+    seed : fixes the inputs; the default draws new ones each time.
+
+    Raises ValueError for a name that is no exercise.  A wrong answer is a verdict, never an exception.
+    """
+    if name not in names():
+        raise ValueError(f"no exercise named {name!r}; there are: {', '.join(names())}")
+    rng = np.random.default_rng(seed)
+    try:
+        for _ in range(ROUNDS):
+            _checks[name](answer, rng)
+        verdict = Verdict(name, True)
+    except Misconception as wrong:
+        verdict = Verdict(name, False, str(wrong))
+    if (listening := _listener.get()) is not None:
+        listening.append(verdict)
+    return verdict
+
+
+def exercise(name: str) -> Callable[[Check], Check]:
+    """Register a check, ``function(answer, rng) → None``, that raises through ``call``, ``close`` or ``expect``."""
+
+    def register(function: Check) -> Check:
+        if name in _checks:
+            raise ValueError(f"two exercises are named {name!r}")
+        _checks[name] = function
+        return function
+
+    return register
+
+
+def names() -> list[str]:
+    """Every exercise of every lab."""
+    for module in pkgutil.iter_modules(__path__):
+        importlib.import_module(f"{__name__}.{module.name}")
+    return sorted(_checks)
+
+
+def call(answer: Any, *arguments: Any) -> Any:
+    """The student's function on copies of the arguments; what it does wrong on the way becomes a hint."""
+    expect(
+        callable(answer), f"Give the function itself, not its result: expected a function, got {type(answer).__name__}."
+    )
+    given = copy.deepcopy(arguments)
+    try:
+        # Sums of NaN and the like are judged by their values, not by warnings.
+        with np.errstate(all="ignore"):
+            result = answer(*given)
+    except NotImplementedError:
+        raise Misconception("Nothing here yet: replace the placeholder by your own lines.") from None
+    except Exception as error:  # whatever a student's code raises is shown to the student
+        raise Misconception(f"Your function stopped with {type(error).__name__}: {error}") from error
+    expect(result is not None, "Your function returns None. Is there a return at its end?")
+    unchanged = all(_same(a, b) for a, b in zip(given, arguments, strict=True))
+    expect(unchanged, "Your function changes its argument in place; the caller still needs it. Work on a copy.")
+    return result
+
+
+def close(
+    got: Any, expected: Any, *, misconceptions: Mapping[str, Any] | None = None, otherwise: str, tolerance: float = 1e-6
+) -> None:
+    """Compare with the truth; a wrong answer gets the hint of the misconception whose value it equals.
+
+    misconceptions : hint → the value that this wrong turn produces.
+    otherwise : the hint when no known misconception fits.
+    """
+    expected = np.asarray(expected, dtype=float)
+    try:
+        got = np.asarray(got, dtype=float)
+    except (TypeError, ValueError):
+        raise Misconception(
+            f"Expected numbers in an array of shape {expected.shape}, got {type(got).__name__}."
+        ) from None
+    for hint, value in (misconceptions or {}).items():
+        wrong = np.asarray(value, dtype=float)
+        if not _near(wrong, expected, tolerance) and _near(got, wrong, tolerance):
+            raise Misconception(hint)
+    if got.shape != expected.shape:
+        raise Misconception(f"The shape is {got.shape}, where {expected.shape} is wanted.")
+    expect(bool(np.all(np.isfinite(got) | ~np.isfinite(expected))), "Some of your numbers are NaN or infinite.")
+    expect(_near(got, expected, tolerance), otherwise)
+
+
+def expect(condition: bool, hint: str) -> None:
+    """Go on only if ``condition`` holds; else the student reads ``hint``."""
+    if not condition:
+        raise Misconception(hint)
+
+
+@contextmanager
+def collecting() -> Iterator[list[Verdict]]:
+    """Every verdict given inside the ``with`` block: this is how the tests see what a lab's own answers got."""
+    verdicts: list[Verdict] = []
+    token = _listener.set(verdicts)
+    try:
+        yield verdicts
+    finally:
+        _listener.reset(token)
+
+
+def _near(a: np.ndarray, b: np.ndarray, tolerance: float) -> bool:
+    return a.shape == b.shape and bool(np.allclose(a, b, rtol=tolerance, atol=tolerance, equal_nan=True))
+
+
+def _same(a: Any, b: Any) -> bool:
+    if isinstance(a, np.ndarray):
+        return bool(np.array_equal(a, b, equal_nan=a.dtype.kind == "f"))
+    if isinstance(a, (list, tuple)):
+        return len(a) == len(b) and all(_same(x, y) for x, y in zip(a, b, strict=True))
+    if isinstance(a, dict):
+        return a.keys() == b.keys() and all(_same(a[k], b[k]) for k in a)
+    return True if isinstance(a, np.random.Generator) or hasattr(a, "__dict__") else bool(a == b)

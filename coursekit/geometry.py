@@ -1,0 +1,136 @@
+r"""Angles, planar poses and spatial rotations.
+
+A planar pose is an array ``[x, y, θ]`` (metres, metres, radians); ``T_world_robot`` takes coordinates in
+the robot's frame to the world's.  Every function broadcasts over leading axes, so one pose and a million
+particles go through the same line of code.
+
+>>> import numpy as np
+>>> T_world_robot = np.array([1.0, 2.0, np.pi / 2])
+>>> transform(T_world_robot, np.array([3.0, 0.0])).round(6)     # three metres ahead of the robot
+array([1., 5.])
+>>> compose(T_world_robot, inverse(T_world_robot)).round(12) + 0.0
+array([0., 0., 0.])
+
+Source: Murray, Li & Sastry (1994), chapter 2; Barfoot (2017), chapter 7.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import ArrayLike, NDArray
+
+Array = NDArray[np.float64]
+
+
+def wrap_angle(angle: ArrayLike) -> Array:
+    """Bring angles into (-π, π]: the one place where this project wraps.
+
+    Parameters
+    ----------
+    angle : any shape, radians.
+
+    Returns an array of the same shape (a 0-d input gives a float).  NaN and infinity give NaN.
+
+    >>> float(wrap_angle(3 * np.pi))
+    3.141592653589793
+    """
+    angle = np.asarray(angle, dtype=float)
+    with np.errstate(invalid="ignore"):
+        wrapped = np.pi - np.mod(np.pi - angle, 2 * np.pi)
+    # An angle that is already inside keeps its every bit; mod may round to the open end, -π.
+    wrapped = np.where((angle > -np.pi) & (angle <= np.pi), angle, wrapped)
+    return np.where(wrapped <= -np.pi, np.pi, wrapped)[()]
+
+
+def rotation(angle: ArrayLike) -> Array:
+    """The rotation matrices of angles: (...) radians → (..., 2, 2)."""
+    c, s = np.cos(angle), np.sin(angle)
+    return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
+
+
+def compose(a: ArrayLike, b: ArrayLike) -> Array:
+    """``T_world_b = compose(T_world_a, T_a_b)``: first b, seen from a; then a.  (..., 3) each, broadcasting.
+
+    Raises ValueError when the last axis does not have length 3.
+    """
+    a, b = _poses(a, "a"), _poses(b, "b")
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    return np.stack(
+        [
+            a[..., 0] + c * b[..., 0] - s * b[..., 1],
+            a[..., 1] + s * b[..., 0] + c * b[..., 1],
+            wrap_angle(a[..., 2] + b[..., 2]),
+        ],
+        axis=-1,
+    )
+
+
+def inverse(a: ArrayLike) -> Array:
+    """``T_a_world = inverse(T_world_a)``, (..., 3)."""
+    a = _poses(a, "a")
+    c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
+    return np.stack([-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], wrap_angle(-a[..., 2])], axis=-1)
+
+
+def between(a: ArrayLike, b: ArrayLike) -> Array:
+    """``T_a_b = between(T_world_a, T_world_b)``: where b stands, as a sees it.  (..., 3) each, broadcasting."""
+    return compose(inverse(a), b)
+
+
+def transform(pose: ArrayLike, points: ArrayLike) -> Array:
+    """Points given in the pose's frame, in its parent's frame: (..., 3) and (..., 2) → (..., 2).
+
+    One pose takes a whole ``(n, 2)`` cloud.  For many poses at once give the points an axis to broadcast
+    over: poses ``(m, 1, 3)`` with points ``(n, 2)`` give ``(m, n, 2)``.
+    """
+    pose, points = _poses(pose, "pose"), np.asarray(points, dtype=float)
+    if points.ndim == 0 or points.shape[-1] != 2:
+        raise ValueError(f"points: expected shape (..., 2), got {points.shape}")
+    c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
+    x, y = points[..., 0], points[..., 1]
+    return np.stack([pose[..., 0] + c * x - s * y, pose[..., 1] + s * x + c * y], axis=-1)
+
+
+def so3_exp(rotation_vector: ArrayLike) -> Array:
+    """Rotation matrix of a rotation vector (axis times angle, radians): (3,) → (3, 3).  Rodrigues' formula."""
+    w = np.asarray(rotation_vector, dtype=float)
+    if w.shape != (3,):
+        raise ValueError(f"rotation_vector: expected shape (3,), got {w.shape}")
+    angle = float(np.linalg.norm(w))
+    W = np.array([[0, -w[2], w[1]], [w[2], 0, -w[0]], [-w[1], w[0], 0]])
+    # sinc keeps both factors exact at angle zero.
+    a, b = np.sinc(angle / np.pi), 0.5 * np.sinc(angle / (2 * np.pi)) ** 2
+    return np.eye(3) + a * W + b * W @ W
+
+
+def so3_log(R: ArrayLike) -> Array:
+    """Rotation vector of a rotation matrix, with angle in [0, π]: (3, 3) → (3,).  Inverse of ``so3_exp``."""
+    from scipy.spatial.transform import Rotation
+
+    R = np.asarray(R, dtype=float)
+    if R.shape != (3, 3) or not is_rotation(R):
+        raise ValueError(f"R: expected a (3, 3) rotation matrix, got {R!r}")
+    return np.asarray(Rotation.from_matrix(R).as_rotvec(), dtype=float)
+
+
+def is_rotation(R: ArrayLike, tolerance: float = 1e-6) -> bool:
+    """True when R is square, orthonormal within ``tolerance`` and not a reflection."""
+    R = np.asarray(R, dtype=float)
+    if R.ndim != 2 or R.shape[0] != R.shape[1] or not np.all(np.isfinite(R)):
+        return False
+    return bool(np.allclose(R @ R.T, np.eye(len(R)), atol=tolerance) and np.linalg.det(R) > 0)
+
+
+def homogeneous(pose: ArrayLike) -> Array:
+    """The (3, 3) homogeneous matrix of a planar pose (3,)."""
+    pose = _poses(pose, "pose")
+    T = np.eye(3)
+    T[:2, :2], T[:2, 2] = rotation(pose[2]), pose[:2]
+    return T
+
+
+def _poses(pose: ArrayLike, name: str) -> Array:
+    pose = np.asarray(pose, dtype=float)
+    if pose.ndim == 0 or pose.shape[-1] != 3:
+        raise ValueError(f"{name}: expected poses [x, y, θ] of shape (..., 3), got {pose.shape}")
+    return pose
