@@ -2,23 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import Executor
+from functools import partial
 from typing import TypeVar
 
 import numpy as np
 
 Result = TypeVar("Result")
-
-
-class _Seeded:
-    """``run`` with its generator made from a seed; a class because a process pool has to pickle it."""
-
-    def __init__(self, run: Callable[[np.random.Generator], Result]) -> None:
-        self.run = run
-
-    def __call__(self, seed: int) -> Result:
-        return self.run(np.random.default_rng(seed))
 
 
 def monte_carlo(
@@ -32,18 +23,19 @@ def monte_carlo(
     seeds : the seeds, or their number n for 0 … n-1.
     executor : any ``concurrent.futures.Executor``; a process pool needs ``run`` at the top of a module.
 
-    Raises ValueError when there are no seeds; an error inside a run names its seed.
+    Raises ValueError when there are no seeds; an error inside a run carries a note with its seed.
     """
     seeds = list(range(seeds) if isinstance(seeds, int) else seeds)
     if not seeds:
         raise ValueError("seeds: expected at least one")
-    seeded = _Seeded(run)
-    results = iter((executor.map if executor else map)(seeded, seeds))
-    out: list[Result] = []
-    for seed in seeds:
-        try:
-            out.append(next(results))
-        except Exception as error:
-            error.add_note(f"in the run with seed {seed}")
-            raise
-    return out
+    one = partial(_run_seed, run)
+    results: Iterator[Result] = iter(executor.map(one, seeds) if executor else map(one, seeds))
+    return list(results)
+
+
+def _run_seed(run: Callable[[np.random.Generator], Result], seed: int) -> Result:
+    try:
+        return run(np.random.default_rng(seed))
+    except Exception as error:
+        error.add_note(f"in the run with seed {seed}")
+        raise
