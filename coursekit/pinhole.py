@@ -1,0 +1,218 @@
+r"""Lab 2: from a landmark's height and symmetry axis in pixels to its range and bearing.
+
+The camera is level.  Its frame is the robot's: x forward along the optical axis, y left, z up; the picture's u
+runs right and v down, and pixel (0, 0) has its centre at u = v = 0.  What is measured, exactly:
+
+``height_px``
+    from the highest to the lowest point of the landmark's outline.  With the eye between the floor and the
+    landmark's top, both belong to the rim's point of *least depth*, one radius nearer than the axis:
+    height_px = f_y h / (D - r), with D the depth of the axis along x.
+``axis_px``
+    the column on which the landmark's axis would be drawn: axis_px = c_x - f_x tan φ, with φ the axis' bearing
+    from the camera.  The outline spans the angles φ ± asin(r/ρ), so φ is the mean of the two edges' *angles*.
+
+Source: Hartley & Zisserman (2004), section 6.1, for the projection; the corrections are derived in Lab 2.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from coursekit.geometry import Array
+
+
+@dataclass(frozen=True)
+class Camera:
+    """A pinhole without distortion: focal lengths, principal point, picture size, all in pixels.
+
+    >>> Camera(fx=530, fy=530, cx=319.5, cy=239.5, width=640, height=480).project([4.0, 1.0, 0.3])
+    array([187.  , 199.75])
+
+    Raises ValueError for a focal length or a size that is not positive, and for anything not finite.
+    """
+
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    width: int
+    height: int
+
+    def __post_init__(self) -> None:
+        for name in ("fx", "fy", "cx", "cy", "width", "height"):
+            value = _finite(getattr(self, name), name, positive=name not in ("cx", "cy"))
+            if value.ndim:
+                raise ValueError(f"{name}: expected one number, got an array of shape {value.shape}")
+        if int(self.width) != self.width or int(self.height) != self.height:
+            raise ValueError(f"width, height: expected whole pixels, got {self.width} × {self.height}")
+
+    def project(self, p_camera: ArrayLike) -> Array:
+        """Pixels [u, v] of points [x, y, z] in the camera's frame: (..., 3) metres → (..., 2).
+
+        Raises ValueError for points that are not in front of the camera: they have no picture.
+        """
+        x, y, z = self._in_front(p_camera)
+        return np.stack([self.cx - self.fx * y / x, self.cy - self.fy * z / x], axis=-1)
+
+    def project_jacobian(self, p_camera: ArrayLike) -> Array:
+        """∂(u, v)/∂(x, y, z): (..., 3) → (..., 2, 3)."""
+        x, y, z = self._in_front(p_camera)
+        zero = np.zeros_like(x)
+        du = [self.fx * y / x**2, -self.fx / x, zero]
+        dv = [self.fy * z / x**2, zero, -self.fy / x]
+        return np.stack([np.stack(du, axis=-1), np.stack(dv, axis=-1)], axis=-2)
+
+    def unproject(self, pixels: ArrayLike, depth: ArrayLike) -> Array:
+        """The points [x, y, z] at a depth x behind pixels [u, v]: (..., 2) and (...) → (..., 3)."""
+        pixels, x = np.asarray(pixels, dtype=float), _finite(depth, "depth", positive=True)
+        y, z = x * (self.cx - pixels[..., 0]) / self.fx, x * (self.cy - pixels[..., 1]) / self.fy
+        return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+
+    def bearing(self, u: ArrayLike) -> Array:
+        """The angle, left of the optical axis, of everything drawn in column u.  Radians, any shape."""
+        return np.arctan((self.cx - np.asarray(u, dtype=float)) / self.fx)
+
+    def column(self, bearing: ArrayLike) -> Array:
+        """The column u of everything at an angle in (-π/2, π/2) left of the optical axis: undoes ``bearing``."""
+        bearing = np.asarray(bearing, dtype=float)
+        if not np.all(np.abs(bearing) < np.pi / 2):
+            raise ValueError(f"bearing: expected angles in (-π/2, π/2), in front of the camera, got {bearing}")
+        return self.cx - self.fx * np.tan(bearing)
+
+    def _in_front(self, p_camera: ArrayLike) -> tuple[Array, Array, Array]:
+        p = np.asarray(p_camera, dtype=float)
+        if p.ndim == 0 or p.shape[-1] != 3:
+            raise ValueError(f"p_camera: expected points of shape (..., 3), got {p.shape}")
+        if not (np.all(np.isfinite(p)) and np.all(p[..., 0] > 0)):
+            raise ValueError(f"p_camera: expected finite points with x > 0, in front of the camera, got {p}")
+        return p[..., 0], p[..., 1], p[..., 2]
+
+
+class CylinderPixels(NamedTuple):
+    """What a cylinder leaves in the picture, in pixels.  The height and the axis are ``range_bearing``'s input."""
+
+    height_px: Array
+    axis_px: Array
+    left_px: Array
+    right_px: Array
+
+
+def range_bearing(
+    height_px: ArrayLike,
+    axis_px: ArrayLike,
+    camera: Camera,
+    landmark_height: ArrayLike,
+    radius: ArrayLike = 0.0,
+    camera_offset: ArrayLike = 0.0,
+) -> tuple[Array, Array]:
+    r"""Range and bearing of an upright cylinder's axis, from the robot's centre.
+
+    The rim's nearest point has depth f_y h / height_px, the axis one radius more, the robot's centre another
+    ``camera_offset`` more; the ratio y/x of the axis *seen from the camera* is (c_x - axis_px)/f_x.
+
+    Parameters
+    ----------
+    height_px, axis_px : pixels, see the top of this module.  All arguments broadcast.
+    landmark_height, radius : of the cylinder, metres.  Radius 0 leaves out the near-rim correction, and the
+        range of a cylinder seen at bearing φ comes out r / cos φ short.
+    camera_offset : how far ahead of the robot's centre the camera stands, metres.
+
+    Returns range (metres) and bearing (radians, positive to the left), each in the inputs' broadcast shape.
+    Raises ValueError for heights that are not positive and for anything not finite.
+
+    >>> d, theta = range_bearing(53.0, 319.5, COURSE_CAMERA, landmark_height=0.5, radius=0.1, camera_offset=0.07)
+    >>> round(float(d), 3), float(theta)
+    (5.17, 0.0)
+    """
+    x, y, _, _ = _axis_position(height_px, axis_px, camera, landmark_height, radius, camera_offset)
+    return np.hypot(x, y), np.arctan2(y, x)
+
+
+def range_bearing_jacobian(
+    height_px: ArrayLike,
+    axis_px: ArrayLike,
+    camera: Camera,
+    landmark_height: ArrayLike,
+    radius: ArrayLike = 0.0,
+    camera_offset: ArrayLike = 0.0,
+) -> Array:
+    """∂(range, bearing)/∂(height_px, axis_px), (..., 2, 2): what one pixel of error does.  As ``range_bearing``."""
+    x, y, dx_dheight, t = _axis_position(height_px, axis_px, camera, landmark_height, radius, camera_offset)
+    dy_dheight = t * dx_dheight
+    dy_daxis = -(x - np.asarray(camera_offset, dtype=float)) / camera.fx
+    d = np.hypot(x, y)
+    d_range = [(x * dx_dheight + y * dy_dheight) / d, y * dy_daxis / d]
+    d_bearing = [(x * dy_dheight - y * dx_dheight) / d**2, x * dy_daxis / d**2]
+    return np.stack([np.stack(d_range, axis=-1), np.stack(d_bearing, axis=-1)], axis=-2)
+
+
+def project_cylinder(
+    range_: ArrayLike,
+    bearing: ArrayLike,
+    camera: Camera,
+    landmark_height: ArrayLike,
+    radius: ArrayLike = 0.0,
+    camera_offset: ArrayLike = 0.0,
+) -> CylinderPixels:
+    """The picture of an upright cylinder at a range and bearing from the robot's centre: undoes ``range_bearing``.
+
+    Nothing is clipped: columns may lie outside the picture.  Raises ValueError where the cylinder is not wholly
+    in front of the camera.
+    """
+    range_, bearing = _finite(range_, "range_", positive=True), _finite(bearing, "bearing")
+    h, r, offset = _landmark(landmark_height, radius, camera_offset)
+    x, y = range_ * np.cos(bearing) - offset, range_ * np.sin(bearing)
+    if not np.all(x > r):
+        raise ValueError(f"expected a cylinder wholly in front of the camera, got its axis at depth {x}, radius {r}")
+    phi, half_width = np.arctan2(y, x), np.arcsin(r / np.hypot(x, y))
+    return CylinderPixels(
+        height_px=camera.fy * h / (x - r),
+        axis_px=camera.column(phi),
+        left_px=camera.column(phi + half_width),
+        right_px=camera.column(phi - half_width),
+    )
+
+
+def _axis_position(
+    height_px: ArrayLike,
+    axis_px: ArrayLike,
+    camera: Camera,
+    landmark_height: ArrayLike,
+    radius: ArrayLike,
+    camera_offset: ArrayLike,
+) -> tuple[Array, Array, Array, Array]:
+    """The axis [x, y] in the robot's frame, ∂x/∂height_px, and the ratio y/x as the camera sees it."""
+    height_px, axis_px = _finite(height_px, "height_px", positive=True), _finite(axis_px, "axis_px")
+    h, r, offset = _landmark(landmark_height, radius, camera_offset)
+    height_px, axis_px, h, r, offset = np.broadcast_arrays(height_px, axis_px, h, r, offset)
+    depth = h * camera.fy / height_px + r
+    t = (camera.cx - axis_px) / camera.fx
+    return depth + offset, depth * t, -h * camera.fy / height_px**2, t
+
+
+def _landmark(landmark_height: ArrayLike, radius: ArrayLike, camera_offset: ArrayLike) -> tuple[Array, Array, Array]:
+    r = _finite(radius, "radius")
+    if np.any(r < 0):
+        raise ValueError(f"radius: expected metres ≥ 0, got {radius!r}")
+    return _finite(landmark_height, "landmark_height", positive=True), r, _finite(camera_offset, "camera_offset")
+
+
+def _finite(value: ArrayLike, name: str, *, positive: bool = False) -> Array:
+    wanted = f"{name}: expected finite{' positive' if positive else ''} numbers, got "
+    try:
+        array = np.asarray(value, dtype=float)
+    except (TypeError, ValueError):
+        raise ValueError(f"{wanted}{value!r}") from None
+    bad = ~np.isfinite(array) | ((array <= 0) if positive else False)
+    if np.any(bad):
+        where = f" (entry {tuple(int(i) for i in np.argwhere(bad)[0])} of shape {array.shape})" if array.ndim else ""
+        raise ValueError(f"{wanted}{array[bad].flat[0]}{where}")
+    return array
+
+
+COURSE_CAMERA = Camera(fx=530.0, fy=530.0, cx=319.5, cy=239.5, width=640, height=480)
+"""The camera of every lab: the report's 640 × 480 pixels and focal length; it sees 0.54 rad to either side."""
