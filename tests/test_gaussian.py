@@ -1,0 +1,122 @@
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from scipy.stats import chi2, multivariate_normal
+
+from coursekit import gaussian
+from coursekit.gaussian import Gaussian, chi2_band, ellipse, nees
+from coursekit.models import pose_residual
+
+
+def random_covariance(rng, n):
+    A = rng.normal(size=(n, n))
+    return A @ A.T + 0.1 * np.eye(n)
+
+
+def test_a_belief_is_a_copy_that_nobody_can_change():
+    mean, cov = np.zeros(2), np.eye(2)
+    belief = Gaussian(mean, cov)
+    mean[0] = cov[0, 0] = 9.0
+    assert belief.mean[0] == 0.0 and belief.cov[0, 0] == 1.0
+    with pytest.raises(ValueError, match="read-only"):
+        belief.cov[0, 0] = 2.0
+
+
+@pytest.mark.parametrize(
+    ("mean", "cov", "complaint"),
+    [
+        ([[0.0]], [[1.0]], r"mean: expected a vector"),
+        ([0.0, np.nan], np.eye(2), "mean: expected finite"),
+        ([0.0, 0.0], np.eye(3), r"cov: expected shape \(2, 2\), got \(3, 3\)"),
+        ([0.0, 0.0], [[1.0, np.inf], [np.inf, 1.0]], "cov: expected finite"),
+        ([0.0, 0.0], [[1.0, 0.5], [0.1, 1.0]], "symmetric"),
+        ([0.0, 0.0], [[1.0, 2.0], [2.0, 1.0]], "positive definite"),
+        ([0.0, 0.0], np.diag([1.0, 0.0]), "positive definite"),
+    ],
+)
+def test_what_is_no_belief_is_refused_with_its_reason(mean, cov, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        Gaussian(mean, cov)
+
+
+def test_rounding_asymmetry_is_removed():
+    cov = np.array([[2.0, 0.3], [0.3 * (1 + 1e-12), 1.0]])
+    belief = Gaussian(np.zeros(2), cov)
+    np.testing.assert_array_equal(belief.cov, belief.cov.T)
+
+
+def test_a_marginal_keeps_the_entries_asked_for():
+    cov = random_covariance(np.random.default_rng(0), 4)
+    marginal = Gaussian(np.arange(4.0), cov).marginal([2, 0])
+    np.testing.assert_array_equal(marginal.mean, [2, 0])
+    np.testing.assert_allclose(marginal.cov, cov[np.ix_([2, 0], [2, 0])])
+
+
+@pytest.mark.parametrize("n", [1, 3, 5])
+def test_nees_is_what_scipys_density_says(n):
+    rng = np.random.default_rng(n)
+    belief, truth = Gaussian(rng.normal(size=n), random_covariance(rng, n)), rng.normal(size=n)
+    density = multivariate_normal(belief.mean, belief.cov)
+    assert nees(belief, truth) == pytest.approx(-2 * (density.logpdf(truth) - density.logpdf(belief.mean)))
+
+
+def test_nees_across_pi_is_small_with_the_states_own_residual_and_huge_without():
+    belief = Gaussian([0, 0, np.pi - 0.01], np.diag([1, 1, 0.02**2]))
+    truth = np.array([0, 0, -np.pi + 0.01])
+    assert nees(belief, truth, pose_residual) == pytest.approx(1.0)
+    assert nees(belief, truth) > 1e4
+
+
+def test_nees_refuses_a_truth_of_another_shape_or_nan():
+    belief = Gaussian(np.zeros(2), np.eye(2))
+    with pytest.raises(ValueError, match="truth: expected shape"):
+        nees(belief, np.zeros(3))
+    with pytest.raises(ValueError, match="truth: expected finite"):
+        nees(belief, [0.0, np.nan])
+
+
+@given(st.integers(1, 10), st.integers(1, 200), st.floats(0.5, 0.999))
+def test_the_band_holds_its_confidence_and_leaves_equal_tails(dof, runs, confidence):
+    low, high = chi2_band(dof, runs, confidence)
+    total = chi2(dof * runs)
+    assert total.cdf(low * runs) == pytest.approx((1 - confidence) / 2, abs=1e-9)
+    assert total.sf(high * runs) == pytest.approx((1 - confidence) / 2, abs=1e-9)
+
+
+def test_average_nees_of_honest_draws_stays_in_the_band_as_often_as_promised():
+    """2,000 averages of 20 runs; the share inside a 95 % band is binomial: outside 0.95 ± 0.02 once in 24,000."""
+    rng = np.random.default_rng(1)
+    belief = Gaussian(np.zeros(3), random_covariance(rng, 3))
+    draws = belief.sample(rng, 2_000 * 20)
+    values = np.array([gaussian.mahalanobis_squared(d, belief.cov) for d in draws]).reshape(2_000, 20).mean(axis=1)
+    low, high = chi2_band(3, 20)
+    assert np.mean((low < values) & (values < high)) == pytest.approx(0.95, abs=0.02)
+
+
+@pytest.mark.parametrize("arguments", [(0,), (2, 0), (2, 1, 1.0), (2, 1, 0.0)])
+def test_a_band_refuses_what_is_no_band(arguments):
+    with pytest.raises(ValueError, match="expected"):
+        chi2_band(*arguments)
+
+
+@given(st.integers(0, 10_000), st.floats(0.1, 0.99))
+def test_every_point_of_an_ellipse_has_the_same_mahalanobis_distance(seed, confidence):
+    cov = random_covariance(np.random.default_rng(seed), 2)
+    distances = [gaussian.mahalanobis_squared(p, cov) for p in ellipse(cov, confidence)]
+    np.testing.assert_allclose(distances, chi2.ppf(confidence, 2), rtol=1e-9)
+
+
+def test_samples_have_the_mean_and_covariance_they_should():
+    """100,000 draws: each entry of the sample covariance is within five standard errors; false alarm below 1e-5."""
+    rng = np.random.default_rng(5)
+    belief = Gaussian([1.0, -2.0], [[2.0, 0.6], [0.6, 0.5]])
+    draws = belief.sample(rng, 100_000)
+    np.testing.assert_allclose(draws.mean(axis=0), belief.mean, atol=5 * np.sqrt(2 / 1e5))
+    np.testing.assert_allclose(np.cov(draws.T), belief.cov, atol=5 * 2 * np.sqrt(2 / 1e5))
+
+
+def test_the_lower_triangle_does_not_fool_the_covariance_check():
+    """numpy's Cholesky reads one triangle only; the check must see the other."""
+    with pytest.raises(ValueError, match="symmetric"):
+        gaussian.check_covariance([[1.0, 5.0], [0.0, 1.0]])
