@@ -9,7 +9,9 @@ from coursekit import exercises
 from coursekit.explore import sweep
 from tests import labs
 
-every_lab = pytest.mark.parametrize("path", labs.NOTEBOOKS, ids=lambda p: p.stem)
+every_lab = pytest.mark.parametrize(
+    "path", [pytest.param(p, marks=pytest.mark.xdist_group(p.stem)) for p in labs.NOTEBOOKS], ids=lambda p: p.stem
+)
 
 
 @every_lab
