@@ -45,7 +45,7 @@ _STYLE = {
     "figure.constrained_layout.use": True,
     "font.size": 10.5,
     "axes.titlesize": 11.5,
-    "axes.titleweight": "medium",
+    "axes.titleweight": "normal",
     "axes.titlelocation": "left",
     "axes.spines.top": False,
     "axes.spines.right": False,
