@@ -140,9 +140,11 @@ class Arena:
         if path.suffix != ".toml":
             from coursekit.datasets import project_file
 
-            path = project_file(f"arenas/{source}.toml")
-        if not path.is_file():
-            raise FileNotFoundError(f"no arena {str(source)!r}: expected a file {path}")
+            folder = project_file("arenas")
+            path = folder / f"{source}.toml"
+            if not path.is_file():
+                known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
+                raise FileNotFoundError(f"no arena {str(source)!r}; there are {known}, or give a path ending in .toml")
         try:
             return _arena(tomllib.loads(path.read_text(encoding="utf-8")))
         except ValueError as error:  # TOML's own errors are ValueErrors too; they name line and column

@@ -106,9 +106,9 @@ class Pilot:
         way = -1.0 if self.reverse else 1.0
         bearing = float(np.arctan2(way * y, way * x))
         turn = self._heading(bearing, dt)
-        # Only the part of the way that lies ahead is driven: facing away, the robot turns on the spot.
-        ahead = np.hypot(x, y) * max(np.cos(bearing), 0.0) ** 3
-        return np.array([way * self._distance(ahead, dt), turn])
+        # Facing away, the robot turns on the spot first: that keeps its path close to the straight line.
+        facing = max(np.cos(bearing), 0.0) ** 3
+        return np.array([way * facing * self._distance(float(np.hypot(x, y)), dt), turn])
 
 
 def drive(

@@ -106,7 +106,7 @@ class World:
         self._rng = np.random.default_rng(seed)
         self._steps = 0
         self._rims = [0.0, 0.0]  # m/s, left and right: what the motors have reached
-        self._slip = [0.0, 0.0]  # creep of this period
+        self._slip = self._creep()
         self._travel = np.zeros(2)  # m that each rim has turned since the start
         self._odometry = np.zeros(2)
         self._contact = False
@@ -171,12 +171,14 @@ class World:
             raise ValueError(f"command: expected finite [v, ω], got [{v}, {omega}]")
         rims = self.robot.rim_speeds(v, omega)
         goal = (rims / max(1.0, np.abs(rims).max() / self.robot.max_speed)).tolist()
-        self._slip = [1.0 + self.robot.slip * float(n) for n in self._rng.standard_normal(2)]
         self._contact = False
         before, h = self._ticks(), self.dt / self.substeps
         ramp = self.robot.max_acceleration * h
-        for _ in range(self.substeps):
-            # pymunk moves bodies first and updates velocities after: this substep still runs at the old speed.
+        for i in range(self.substeps):
+            # pymunk moves bodies first and updates velocities after, so what is set now acts from the next substep
+            # on; the last one already belongs to the next period's creep.
+            if i == self.substeps - 1:
+                self._slip = self._creep()
             self._travel += np.multiply(self._rims, h)
             self._rims = [rim + min(max(g - rim, -ramp), ramp) for rim, g in zip(self._rims, goal, strict=True)]
             self.space.step(h)
@@ -204,6 +206,10 @@ class World:
 
     def _touch(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
         self._contact = True
+
+    def _creep(self) -> list[float]:
+        """Ground speed over rim speed, left and right, for one control period."""
+        return [1.0 + self.robot.slip * float(n) for n in self._rng.standard_normal(2)]
 
     def _ticks(self) -> np.ndarray:
         per_metre = self.robot.ticks / (2 * np.pi * self.robot.wheel_radius)
