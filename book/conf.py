@@ -1,0 +1,84 @@
+"""Sphinx configuration of the book.  ``build.py`` gathers the sources that this reads."""
+
+import os
+import sys
+from importlib.metadata import distribution
+from pathlib import Path
+
+BOOK = Path(__file__).resolve().parent
+sys.path.insert(0, str(BOOK / "_ext"))
+
+project = "Where Am I?"
+author = "The Where Am I? authors"
+copyright = "the Where Am I? authors. Text and figures: CC BY 4.0. Code: BSD-3-Clause"
+language = "en"
+
+extensions = [
+    "myst_nb",
+    "sphinx_design",
+    "sphinx_proof",
+    "sphinx_exercise",
+    "sphinx_copybutton",
+    "sphinx_togglebutton",
+    "sphinxcontrib.bibtex",
+    "explorers",
+    "lab_map",
+]
+exclude_patterns = []
+
+# --- text -------------------------------------------------------------------------------------------------
+myst_enable_extensions = ["amsmath", "attrs_block", "attrs_inline", "colon_fence", "deflist", "dollarmath"]
+myst_heading_anchors = 3
+math_eqref_format = "({number})"
+numfig = True
+bibtex_bibfiles = ["references.bib"]
+bibtex_reference_style = "author_year"
+copybutton_exclude = ".linenos, .gp, .go"
+
+# --- labs: build.py has run them --------------------------------------------------------------------------
+nb_execution_mode = "off"
+nb_output_stderr = "warn"  # and a warning is an error: a page shows no stray message
+nb_merge_streams = True
+nb_ipywidgets_js = {}  # explorers are plain HTML; no widget manager
+nb_code_prompt_show = "Show the code"
+nb_code_prompt_hide = "Hide the code"
+
+# --- equations: one file, from this site ------------------------------------------------------------------
+MATHJAX = distribution("sphinx-mathjax-offline").locate_file("sphinx-mathjax-offline/static/mathjax/tex-svg.js")
+mathjax_path = "tex-svg.js"
+mathjax3_config = {
+    "options": {"enableMenu": False},  # the menu would fetch parts that are not here
+    "loader": {"load": []},
+    "svg": {"fontCache": "global"},
+}
+
+# --- pages ------------------------------------------------------------------------------------------------
+html_theme = "sphinx_book_theme"
+html_title = "Where Am I?"
+html_logo = "_static/logo.svg"
+html_favicon = "_static/logo.svg"
+html_static_path = ["_static", str(MATHJAX), str(BOOK.parent / "coursekit" / "explorer.css")]
+html_css_files = ["explorer.css", "book.css"]
+html_last_updated_fmt = None
+html_show_sphinx = False
+html_context = {"default_mode": "auto"}
+html_theme_options = {
+    "navbar_start": [],
+    "navbar_center": [],
+    "navbar_end": [],
+    "navbar_persistent": [],
+    "footer_content_items": ["copyright.html"],
+    "show_toc_level": 2,
+    "home_page_in_toc": True,
+    "use_download_button": True,
+    "use_fullscreen_button": False,
+    "search_bar_text": "Search the book …",
+    "logo": {"text": "Where Am I?", "alt_text": "Where Am I? The front page"},
+}
+# A published copy knows its repository; a copy on somebody's disk need not.
+if repository := os.environ.get("GITHUB_REPOSITORY"):
+    html_theme_options |= {
+        "repository_url": f"https://github.com/{repository}",
+        "use_repository_button": True,
+        "use_issues_button": True,
+    }
