@@ -43,6 +43,13 @@ def test_the_robot_keeps_close_to_the_straight_line_between_waypoints():
     assert max(off) < 0.1
 
 
+def test_a_pilot_that_arrives_at_speed_still_ends_at_a_stop():
+    world = World(OPEN, 2)
+    speeds = [world.velocity[0] for _ in drive(world, [[3.0, 0.0]], Pilot(speed=1.0, tolerance=0.5))]
+    assert max(speeds) > 0.7
+    assert world.velocity == pytest.approx([0, 0, 0], abs=1e-6)
+
+
 def test_the_world_moves_only_while_the_caller_iterates():
     world = World(OPEN, 1)
     steps = drive(world, square())

@@ -200,10 +200,16 @@ def test_commands_and_settings_that_make_no_sense_are_refused():
 def test_what_the_world_hands_out_cannot_be_used_to_move_it():
     world = World(Arena.load("lab"), 0)
     world.step(0.5, 0.1)
-    before = world.pose, world.odometry, world.crates
+    before = world.pose.copy(), world.odometry.copy(), world.crates.copy()
     for value in (world.pose, world.odometry, world.crates, world.wheels, world.encoders):
         value += 1
     assert all(np.array_equal(a, b) for a, b in zip(before, (world.pose, world.odometry, world.crates), strict=True))
+
+
+def test_headings_are_wrapped_however_often_things_turned():
+    world = World(Arena("turned", crates=(Crate((2, 0, 7.0)),), start=(0, 0, 9.0)), 0)
+    assert world.pose[2] == pytest.approx(9.0 - 2 * np.pi)
+    assert world.crates[0, 2] == pytest.approx(7.0 - 2 * np.pi)
 
 
 def test_rim_and_body_speeds_are_each_others_inverse():
