@@ -17,6 +17,7 @@ import time
 from pathlib import Path
 
 import nbformat
+from joblib import cpu_count
 from pybtex.database import BibliographyData, parse_file
 from sphinx.cmd.build import main as sphinx
 
@@ -38,9 +39,17 @@ def labs(only: list[str] | None = None) -> list[Path]:
     return [path for path in found if not only or path.name.startswith(tuple(only))]
 
 
-def prepare(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
-    """A lab as a page: solutions and checks folded under a name of their own, links to the book's pages turned."""
-    for cell in notebook.cells:
+def prepare(notebook: nbformat.NotebookNode, name: str) -> nbformat.NotebookNode:
+    """A lab as a page: solutions and checks folded under a name of their own, links to the book's pages turned.
+
+    Raises ``LabFailed`` when a cell shows a picture and has no text alternative for it.
+    """
+    for i, cell in enumerate(notebook.cells, 1):
+        shows = any("image/png" in output.get("data", {}) for output in cell.get("outputs", []))
+        if shows and not cell.metadata.get("mystnb", {}).get("image", {}).get("alt"):
+            raise LabFailed(
+                f'{name}, cell {i} shows a picture without words: set {{"mystnb": {{"image": {{"alt": "…"}}}}}}'
+            )
         if cell.cell_type == "markdown":
             cell.source = cell.source.replace("](../book/", "](../")
         for tag, name in FOLDED.items():
@@ -74,7 +83,7 @@ def gather(notebooks: dict[Path, nbformat.NotebookNode]) -> None:
     """Put all that Sphinx reads into one folder, and nothing else."""
     sources = {path.relative_to(BOOK): path.read_bytes() for path in BOOK.glob("*.md")}
     for path, notebook in notebooks.items():
-        sources[Path("notebooks") / path.name] = nbformat.writes(prepare(notebook)).encode()
+        sources[Path("notebooks") / path.name] = nbformat.writes(prepare(notebook, path.name)).encode()
     references = bibliography([BOOK / "references.bib", *sorted((BOOK / "references").glob("*.bib"))])
     sources[Path("references.bib")] = references.to_string("bibtex").encode()
     sources |= {Path("images") / name: content for name, content in cover.pictures().items()}
@@ -103,12 +112,12 @@ def report() -> None:
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
     parser.add_argument("--only", nargs="+", metavar="NN", help="only these labs")
-    parser.add_argument("--jobs", type=int, default=os.cpu_count() or 1, help="labs to run at a time")
+    parser.add_argument("--jobs", type=int, default=cpu_count(), help="labs to run at a time")
     options = parser.parse_args(arguments)
     began = time.perf_counter()
     chosen = labs(options.only)
     try:
-        gather(execute(chosen, options.jobs))
+        gather(execute(chosen, options.jobs, BUILD / "executed"))
     except LabFailed as failed:
         print(failed, file=sys.stderr)
         return 1
@@ -117,7 +126,7 @@ def main(arguments: list[str] | None = None) -> int:
     if status == 0:
         offer_clean_notebooks(chosen)
         report()
-        print(f"the book is in {(HTML / 'index.html').relative_to(ROOT)} ({time.perf_counter() - began:.0f} s)")
+        print(f"the book is in {os.path.relpath(HTML / 'index.html')} ({time.perf_counter() - began:.0f} s)")
     return status
 
 

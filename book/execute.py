@@ -21,7 +21,6 @@ from tqdm import tqdm
 from traitlets.config import Config
 
 ROOT = Path(__file__).resolve().parents[1]
-CACHE = ROOT / "book" / "_build" / "executed"
 TIMEOUT = 300  # seconds for one cell; the slowest draws some 150 frames
 # One thread a kernel, since the kernels share the cores; sliders in their published form.
 ENVIRONMENT = {"COURSEKIT_STATIC": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
@@ -84,9 +83,7 @@ def with_outputs(notebook: nbformat.NotebookNode, executed: nbformat.NotebookNod
     return merged
 
 
-def execute(
-    paths: Iterable[Path], jobs: int, cache: Path = CACHE, root: Path = ROOT
-) -> dict[Path, nbformat.NotebookNode]:
+def execute(paths: Iterable[Path], jobs: int, cache: Path, root: Path = ROOT) -> dict[Path, nbformat.NotebookNode]:
     """Every notebook with its outputs: from the cache where nothing changed, else run, ``jobs`` at a time.
 
     Raises ``LabFailed`` with every lab that failed; the runs that succeeded are kept.
