@@ -19,6 +19,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
+from scipy.linalg.lapack import dpotrf
 from scipy.stats import chi2
 
 from coursekit.geometry import Array
@@ -48,6 +49,24 @@ class Gaussian:
         object.__setattr__(self, "mean", mean)
         object.__setattr__(self, "cov", cov)
 
+    @classmethod
+    def trusted(cls, mean: Array, cov: Array) -> Gaussian:
+        """The same without copies and checks: for a filter, whose algebra keeps cov what it must be."""
+        mean.flags.writeable = cov.flags.writeable = False
+        belief = object.__new__(cls)
+        belief.__dict__.update(mean=mean, cov=cov)
+        return belief
+
+    @property
+    def factor(self) -> Array:
+        """The lower triangular L with cov = L Lᵀ (Cholesky)."""
+        upper, failed = dpotrf(self.cov.T)
+        if failed:
+            raise ValueError(
+                f"cov: expected a positive definite matrix, got eigenvalues {np.linalg.eigvalsh(self.cov)}"
+            )
+        return upper.T
+
     def marginal(self, indices: ArrayLike) -> Gaussian:
         """The belief over some of the entries: what is left when the others are forgotten."""
         indices = np.atleast_1d(np.asarray(indices))
@@ -55,7 +74,7 @@ class Gaussian:
 
     def sample(self, rng: np.random.Generator, size: int) -> Array:
         """``size`` draws, (size, n)."""
-        return self.mean + rng.standard_normal((size, self.mean.size)) @ np.linalg.cholesky(self.cov).T
+        return self.mean + rng.standard_normal((size, self.mean.size)) @ self.factor.T
 
 
 def check_covariance(cov: ArrayLike, name: str = "cov", size: int | None = None) -> Array:
@@ -66,7 +85,7 @@ def check_covariance(cov: ArrayLike, name: str = "cov", size: int | None = None)
         raise ValueError(f"{name}: expected shape {expected}, got {cov.shape}")
     if not np.all(np.isfinite(cov)):
         raise ValueError(f"{name}: expected finite numbers, got\n{cov}")
-    if not np.allclose(cov, cov.T, rtol=1e-8, atol=1e-8 * np.abs(cov).max()):
+    if np.abs(cov - cov.T).max() > 1e-8 * np.abs(cov).max():
         raise ValueError(f"{name}: expected a symmetric matrix, got one with |cov - covᵀ| up to "
                          f"{np.abs(cov - cov.T).max():.3g}:\n{cov}")  # fmt: skip
     cov = symmetrize(cov)

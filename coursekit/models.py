@@ -4,16 +4,18 @@ A motion model has ``f(x, u, dt)``, ``F(x, u, dt)`` = ∂f/∂x, ``Q(x, u, dt)``
 ``sample(states, u, dt, rng)``.  A sensor model has ``h(x)``, ``H(x)`` = ∂h/∂x, ``R`` and
 ``residual(z, z_hat)``.  Any object with these serves the filters; there is no base class.
 
-``f``, ``h`` and ``residual`` broadcast over leading axes, so that a filter's mean and a cloud of particles use
-the same line.
+``f``, ``h``, ``g`` and ``residual`` broadcast over leading axes, so that a filter's mean and a cloud of particles
+use the same line; Jacobians are those of one state.  NumPy and ``math`` give the functions below the same names,
+so that line runs on arrays and, ten times faster, on the plain floats of a single state.
 
 Source: Thrun, Burgard & Fox (2005), chapters 5 and 6; Bar-Shalom, Li & Kirubarajan (2001), section 6.2.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
-from typing import Protocol
+from typing import Any, Protocol
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -25,10 +27,10 @@ from coursekit.geometry import Array, wrap_angle
 class MotionModel(Protocol):
     """What a filter asks of a motion model."""
 
-    def f(self, x: Array, u: Array, dt: float) -> Array: ...
-    def F(self, x: Array, u: Array, dt: float) -> Array: ...
-    def Q(self, x: Array, u: Array, dt: float) -> Array: ...
-    def sample(self, states: Array, u: Array, dt: float, rng: np.random.Generator) -> Array: ...
+    def f(self, x: Array, u: Any, dt: float) -> Array: ...
+    def F(self, x: Array, u: Any, dt: float) -> Array: ...
+    def Q(self, x: Array, u: Any, dt: float) -> Array: ...
+    def sample(self, states: Array, u: Any, dt: float, rng: np.random.Generator) -> Array: ...
 
 
 class SensorModel(Protocol):
@@ -56,64 +58,73 @@ class DifferentialDrive:
     ``sigma_v`` m/s, ``sigma_omega`` rad/s), independent from one step to the next: take smaller steps and
     the same two numbers mean *less* noise (Lab 7 measures how much less).  ``sigma_slip`` [m, m, rad] is
     what no wheel explains, over one step, along the state's own axes; it keeps Q positive definite.
+
+    Raises ValueError for a negative or non-finite deviation; so does each method for a state or control of the
+    wrong shape, for NaN, and for dt ≤ 0.
     """
 
     sigma_v: float = 0.05
     sigma_omega: float = 0.05
     sigma_slip: tuple[float, float, float] = (1e-3, 1e-3, 1e-3)
+    _wheels: Array = field(init=False, repr=False, compare=False)
+    _slip: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
         sigmas = np.array([self.sigma_v, self.sigma_omega, *self.sigma_slip], dtype=float)
         if sigmas.shape != (5,) or not np.all(np.isfinite(sigmas)) or np.any(sigmas < 0):
             raise ValueError(f"expected five finite standard deviations ≥ 0, got {sigmas}")
+        object.__setattr__(self, "_wheels", np.diag(sigmas[:2] ** 2))
+        object.__setattr__(self, "_slip", np.diag(sigmas[2:] ** 2))
 
     @classmethod
-    def from_wheels(cls, radius: float, track: float, sigma_wheel: float, **noise: tuple) -> DifferentialDrive:
+    def from_wheels(cls, radius: float, track: float, sigma_wheel: float, **noise: Any) -> DifferentialDrive:
         """The model whose two wheels (radius m, track m apart) each err by ``sigma_wheel`` rad/s."""
+        if not (radius > 0 and track > 0):
+            raise ValueError(f"expected radius > 0 and track > 0 in metres, got {radius} and {track}")
         return cls(radius * sigma_wheel / np.sqrt(2), np.sqrt(2) * radius * sigma_wheel / track, **noise)
 
     def f(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """The pose after ``dt`` seconds: (..., 3) and (..., 2) → (..., 3).
 
-        Written with sinc instead of v/ω, which is 0/0 on a straight line:
-        the chord of the arc has length v·dt·sinc(ω dt/2) and direction θ + ω dt/2.
+        The chord of the arc has length v·dt·sinc(ω dt/2) and direction θ + ω dt/2: written with sinc, because
+        v/ω is 0/0 on a straight line.
         """
-        (x,), (v, omega) = _state(x, 3), _control(u)
-        _check_dt(dt)
-        half = 0.5 * omega * dt
-        chord, direction = v * dt * _sinc(half), x[..., 2] + half
-        return np.stack(
-            [
-                x[..., 0] + chord * np.cos(direction),
-                x[..., 1] + chord * np.sin(direction),
-                wrap_angle(x[..., 2] + omega * dt),
-            ],
-            axis=-1,
-        )
+        (x, y, theta), (v, omega) = _entries(x, 3, "state"), _entries(u, 2, "control [v, ω]")
+        half = 0.5 * omega * _step(dt)
+        chord, direction = v * dt * _sinc(half), theta + half
+        m = _functions(direction)
+        return _vector(x + chord * m.cos(direction), y + chord * m.sin(direction), wrap_angle(theta + omega * dt))
 
     def F(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """∂f/∂x, (3, 3)."""
-        (x,), (v, omega) = _state(x, 3), _control(u)
-        half = 0.5 * omega * dt
-        chord, direction = v * dt * _sinc(half), x[2] + half
-        return np.array([[1, 0, -chord * np.sin(direction)], [0, 1, chord * np.cos(direction)], [0, 0, 1]])
+        (_, _, theta), (v, omega) = _entries(x, 3, "state", one=True), _entries(u, 2, "control [v, ω]", one=True)
+        half = 0.5 * omega * _step(dt)
+        chord, direction = v * dt * _sinc(half), theta + half
+        F = _I3.copy()
+        F[0, 2], F[1, 2] = -chord * math.sin(direction), chord * math.cos(direction)
+        return F
 
     def G(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """∂f/∂u, (3, 2): how an error of [v, ω] that lasts for the step moves the pose."""
-        (x,), (v, omega) = _state(x, 3), _control(u)
-        half = 0.5 * omega * dt
-        c, s, sinc = np.cos(x[2] + half), np.sin(x[2] + half), _sinc(half)
-        chord, slope = v * dt * sinc, v * dt * _sinc_slope(half)
-        return 0.5 * dt * np.array([[2 * sinc * c, slope * c - chord * s], [2 * sinc * s, slope * s + chord * c], [0, 2]])  # fmt: skip
+        (_, _, theta), (v, omega) = _entries(x, 3, "state", one=True), _entries(u, 2, "control [v, ω]", one=True)
+        half = 0.5 * omega * _step(dt)
+        c, s = math.cos(theta + half), math.sin(theta + half)
+        # The chord's change with v; and, through half = ω dt/2, its turning and its shortening with ω.
+        along, across, shorter = dt * _sinc(half), 0.5 * v * dt**2 * _sinc(half), 0.5 * v * dt**2 * _sinc_slope(half)
+        G = np.zeros((3, 2))
+        G[0, 0], G[0, 1] = along * c, shorter * c - across * s
+        G[1, 0], G[1, 1] = along * s, shorter * s + across * c
+        G[2, 1] = dt
+        return G
 
     def Q(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """G diag(σ_v², σ_ω²) Gᵀ + diag(σ_slip²), (3, 3)."""
-        G = self.G(x, u, dt) * [self.sigma_v, self.sigma_omega]
-        return G @ G.T + np.diag(np.square(self.sigma_slip))
+        G = self.G(x, u, dt)
+        return G.dot(self._wheels).dot(G.T) + self._slip
 
     def sample(self, states: ArrayLike, u: ArrayLike, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 3) → (n, 3)."""
-        (states,) = _state(states, 3)
+        states = np.asarray(states, dtype=float)
         noise = rng.standard_normal((*states.shape[:-1], 2)) * [self.sigma_v, self.sigma_omega]
         moved = self.f(states, np.asarray(u, dtype=float) + noise, dt)
         if any(self.sigma_slip):
@@ -134,52 +145,106 @@ class ConstantVelocity:
 
     sigma_a: float = 0.1
 
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.sigma_a) and self.sigma_a >= 0):
+            raise ValueError(f"sigma_a: expected a finite intensity ≥ 0, got {self.sigma_a}")
+
     def f(self, x: ArrayLike, u: ArrayLike | None, dt: float) -> Array:
-        (x,) = _state(x, 4)
-        return np.asarray(x @ self.F(x, u, dt).T)
+        """The state after ``dt`` seconds, (..., 4) → (..., 4)."""
+        px, vx, py, vy = _entries(x, 4, "state")
+        dt = _step(dt)
+        return _vector(px + vx * dt, vx, py + vy * dt, vy)
 
     def F(self, x: ArrayLike, u: ArrayLike | None, dt: float) -> Array:
-        _check_dt(dt)
-        return np.kron(np.eye(2), [[1.0, dt], [0.0, 1.0]])
+        """∂f/∂x, (4, 4), the same for every state."""
+        dt = _step(dt)
+        return np.array([[1.0, dt, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, dt], [0.0, 0.0, 0.0, 1.0]])
 
     def Q(self, x: ArrayLike, u: ArrayLike | None, dt: float) -> Array:
-        _check_dt(dt)
-        return self.sigma_a**2 * np.kron(np.eye(2), [[dt**3 / 3, dt**2 / 2], [dt**2 / 2, dt]])
+        """The covariance that the acceleration's noise leaves after ``dt`` seconds, (4, 4)."""
+        L = self._noise_factor(_step(dt))
+        return L.dot(L.T)
 
     def sample(self, states: ArrayLike, u: ArrayLike | None, dt: float, rng: np.random.Generator) -> Array:
-        (states,) = _state(states, 4)
-        noise = rng.standard_normal(states.shape) @ np.linalg.cholesky(self.Q(states, u, dt)).T
-        return np.asarray(self.f(states, u, dt) + noise)
+        """One noisy step for each state: (n, 4) → (n, 4)."""
+        moved = self.f(states, u, dt)
+        return np.asarray(moved + rng.standard_normal(moved.shape) @ self._noise_factor(dt).T)
+
+    def _noise_factor(self, dt: float) -> Array:
+        """L with Q = L Lᵀ: per axis, the Cholesky factor of σ_a² [[dt³/3, dt²/2], [dt²/2, dt]]."""
+        a = self.sigma_a * math.sqrt(dt)
+        position, shared, own = a * dt / math.sqrt(3), a * math.sqrt(0.75), 0.5 * a
+        return np.array([[position, 0, 0, 0], [shared, own, 0, 0], [0, 0, position, 0], [0, 0, shared, own]])
 
 
 @dataclass(frozen=True)
 class RangeBearing:
-    """Range [m] and bearing [rad, positive to the left] from a pose [x, y, θ] to a landmark [x, y] in the world."""
+    """Range [m] and bearing [rad, positive to the left] from a pose [x, y, θ] to a landmark [x, y] in the world.
+
+    The inverse measurement ``g`` goes the other way, from a pose and a measurement to the landmark; it needs no
+    landmark and so no instance.  Raises ValueError for a landmark or R that cannot be.
+    """
 
     landmark: Array
     R: Array = field(default_factory=lambda: np.diag([0.1**2, 0.02**2]))
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "landmark", _landmark(self.landmark))
-        object.__setattr__(self, "R", check_covariance(self.R, "R", size=2))
+        object.__setattr__(self, "R", _noise(self.R, size=2))
 
     def h(self, x: ArrayLike) -> Array:
         """(..., 3) → (..., 2)."""
-        (x,) = _state(x, 3)
-        dx, dy = self.landmark[0] - x[..., 0], self.landmark[1] - x[..., 1]
-        return np.stack([np.hypot(dx, dy), wrap_angle(np.arctan2(dy, dx) - x[..., 2])], axis=-1)
+        x, y, theta = _entries(x, 3, "state")
+        lx, ly = self.landmark.tolist()
+        dx, dy = lx - x, ly - y
+        m = _functions(theta)
+        return _vector(m.hypot(dx, dy), wrap_angle(m.atan2(dy, dx) - theta))
 
     def H(self, x: ArrayLike) -> Array:
         """∂h/∂x, (2, 3).  Raises ValueError on top of the landmark, where the bearing has no derivative."""
-        (x,) = _state(x, 3)
-        dx, dy = self.landmark - x[:2]
-        r = _distance(dx, dy)
-        return np.array([[-dx / r, -dy / r, 0.0], [dy / r**2, -dx / r**2, -1.0]])
+        dx, dy, r = self._offset(x)
+        H = np.empty((2, 3))
+        H[0, 0], H[0, 1], H[0, 2] = -dx / r, -dy / r, 0.0
+        H[1, 0], H[1, 1], H[1, 2] = dy / r**2, -dx / r**2, -1.0
+        return H
 
-    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> Array:
+    def H_landmark(self, x: ArrayLike) -> Array:
+        """∂h/∂landmark, (2, 2): minus the position's columns of H, for only the difference counts."""
+        dx, dy, r = self._offset(x)
+        return np.array([[dx / r, dy / r], [-dy / r**2, dx / r**2]])
+
+    @staticmethod
+    def g(x: ArrayLike, z: ArrayLike) -> Array:
+        """The inverse measurement: where the landmark is that is seen from x as z, (..., 3) and (..., 2) → (..., 2)."""
+        (x, y, theta), (r, bearing) = _entries(x, 3, "state"), _entries(z, 2, "z [range, bearing]")
+        direction = theta + bearing
+        m = _functions(direction)
+        return _vector(x + r * m.cos(direction), y + r * m.sin(direction))
+
+    @staticmethod
+    def Gx(x: ArrayLike, z: ArrayLike) -> Array:
+        """∂g/∂x, (2, 3)."""
+        (_, _, theta), (r, bearing) = _entries(x, 3, "state", one=True), _entries(z, 2, "z [range, bearing]", one=True)
+        direction = theta + bearing
+        return np.array([[1.0, 0.0, -r * math.sin(direction)], [0.0, 1.0, r * math.cos(direction)]])
+
+    @staticmethod
+    def Gz(x: ArrayLike, z: ArrayLike) -> Array:
+        """∂g/∂z, (2, 2)."""
+        (_, _, theta), (r, bearing) = _entries(x, 3, "state", one=True), _entries(z, 2, "z [range, bearing]", one=True)
+        c, s = math.cos(theta + bearing), math.sin(theta + bearing)
+        return np.array([[c, -r * s], [s, r * c]])
+
+    @staticmethod
+    def residual(z: ArrayLike, z_hat: ArrayLike) -> Array:
         """z - z_hat with the bearing's difference in (-π, π], (..., 2)."""
-        difference = np.asarray(z, dtype=float) - np.asarray(z_hat, dtype=float)
-        return np.concatenate([difference[..., :1], wrap_angle(difference[..., 1:])], axis=-1)
+        (r, bearing), (r_hat, bearing_hat) = _entries(z, 2, "z [range, bearing]"), _entries(z_hat, 2, "z_hat")
+        return _vector(r - r_hat, wrap_angle(bearing - bearing_hat))
+
+    def _offset(self, x: ArrayLike) -> tuple[float, float, float]:
+        x, y, _ = _entries(x, 3, "state", one=True)
+        lx, ly = self.landmark.tolist()
+        return lx - x, ly - y, _distance(lx - x, ly - y)
 
 
 @dataclass(frozen=True)
@@ -195,24 +260,26 @@ class RangeOnly:
 
     def __post_init__(self) -> None:
         object.__setattr__(self, "landmark", _landmark(self.landmark))
-        object.__setattr__(self, "R", check_covariance(self.R, "R", size=1))
+        object.__setattr__(self, "R", _noise(self.R, size=1))
 
     def h(self, x: ArrayLike) -> Array:
         """(..., n) → (..., 1)."""
-        x = np.asarray(x, dtype=float)
+        x = _state_holding(x, self.position)
         i, j = self.position
         return np.hypot(x[..., i] - self.landmark[0], x[..., j] - self.landmark[1])[..., None]
 
     def H(self, x: ArrayLike) -> Array:
         """∂h/∂x, (1, n): the unit vector from the landmark, in the two position columns."""
-        x = np.asarray(x, dtype=float)
+        x = _state_holding(x, self.position)
         i, j = self.position
         dx, dy = x[i] - self.landmark[0], x[j] - self.landmark[1]
         H = np.zeros((1, x.size))
-        H[0, [i, j]] = np.array([dx, dy]) / _distance(dx, dy)
+        H[0, i], H[0, j] = np.array([dx, dy]) / _distance(dx, dy)
         return H
 
-    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> Array:
+    @staticmethod
+    def residual(z: ArrayLike, z_hat: ArrayLike) -> Array:
+        """z - z_hat, (..., 1)."""
         return np.asarray(z, dtype=float) - np.asarray(z_hat, dtype=float)
 
 
@@ -224,43 +291,72 @@ class Position:
     position: tuple[int, int] = (0, 1)
 
     def __post_init__(self) -> None:
-        object.__setattr__(self, "R", check_covariance(self.R, "R", size=2))
+        object.__setattr__(self, "R", _noise(self.R, size=2))
 
     def h(self, x: ArrayLike) -> Array:
-        return np.asarray(x, dtype=float)[..., list(self.position)]
+        """(..., n) → (..., 2)."""
+        return _state_holding(x, self.position)[..., list(self.position)]
 
     def H(self, x: ArrayLike) -> Array:
-        x = np.asarray(x, dtype=float)
-        return np.eye(x.size)[list(self.position)]
+        """∂h/∂x, (2, n)."""
+        return np.eye(_state_holding(x, self.position).size)[list(self.position)]
 
-    def residual(self, z: ArrayLike, z_hat: ArrayLike) -> Array:
+    @staticmethod
+    def residual(z: ArrayLike, z_hat: ArrayLike) -> Array:
+        """z - z_hat, (..., 2)."""
         return np.asarray(z, dtype=float) - np.asarray(z_hat, dtype=float)
 
 
-def _sinc(t: Array) -> Array:
+_I3 = np.eye(3)
+
+
+def _entries(array: ArrayLike, size: int, name: str, one: bool = False) -> Any:
+    """The entries along the last axis, after a look at the door: floats of one vector, arrays of many."""
+    array = np.asarray(array, dtype=float)
+    if array.shape == (size,):
+        entries = array.tolist()
+        if math.isfinite(sum(entries)):
+            return entries
+        raise ValueError(f"{name}: expected finite numbers, got {array}")
+    if array.ndim == 0 or array.shape[-1] != size or one:
+        expected = f"({size},)" if one else f"(..., {size})"
+        raise ValueError(f"{name}: expected shape {expected}, got {array.shape}")
+    if not np.isfinite(array).all():
+        raise ValueError(f"{name}: expected finite numbers, got {(~np.isfinite(array)).sum()} that are not")
+    return [array[..., i] for i in range(size)]
+
+
+def _vector(*entries: Any) -> Array:
+    """The entries put together again along a last axis."""
+    if type(entries[0]) is float is type(entries[-1]):
+        return np.array(entries)
+    return np.stack(np.broadcast_arrays(*entries), axis=-1)
+
+
+def _functions(angle: Any) -> Any:
+    """The module whose sin, cos, hypot and atan2 fit: ``math`` for a float, NumPy for arrays."""
+    return math if type(angle) is float else np
+
+
+def _sinc(t: Any) -> Any:
     """sin(t)/t, with its limit 1 at t = 0."""
-    return np.sinc(np.asarray(t) / np.pi)
+    if type(t) is float:
+        return math.sin(t) / t if t else 1.0
+    return np.sinc(t / np.pi)
 
 
 def _sinc_slope(t: float) -> float:
     """Derivative of sin(t)/t; the series where the closed form cancels."""
     if abs(t) < 1e-3:
         return -t / 3 + t**3 / 30
-    return float((t * np.cos(t) - np.sin(t)) / t**2)
+    return (t * math.cos(t) - math.sin(t)) / t**2
 
 
-def _state(x: ArrayLike, size: int) -> tuple[Array]:
+def _state_holding(x: ArrayLike, position: tuple[int, int]) -> Array:
     x = np.asarray(x, dtype=float)
-    if x.ndim == 0 or x.shape[-1] != size:
-        raise ValueError(f"state: expected shape (..., {size}), got {x.shape}")
-    return (x,)
-
-
-def _control(u: ArrayLike) -> tuple[Array, Array]:
-    u = np.asarray(u, dtype=float)
-    if u.ndim == 0 or u.shape[-1] != 2:
-        raise ValueError(f"control: expected [v, ω] of shape (..., 2), got {u.shape}")
-    return u[..., 0], u[..., 1]
+    if x.ndim == 0 or x.shape[-1] <= max(position):
+        raise ValueError(f"state: expected shape (..., n) with n > {max(position)}, got {x.shape}")
+    return x
 
 
 def _landmark(landmark: ArrayLike) -> Array:
@@ -271,13 +367,20 @@ def _landmark(landmark: ArrayLike) -> Array:
     return landmark
 
 
+def _noise(R: ArrayLike, size: int) -> Array:
+    R = check_covariance(R, "R", size=size)
+    R.flags.writeable = False
+    return R
+
+
 def _distance(dx: float, dy: float) -> float:
-    distance = float(np.hypot(dx, dy))
+    distance = math.hypot(dx, dy)
     if distance < 1e-9:
         raise ValueError("the robot stands on the landmark: range and bearing have no derivative there")
     return distance
 
 
-def _check_dt(dt: float) -> None:
-    if not (np.isfinite(dt) and dt > 0):
+def _step(dt: float) -> float:
+    if not 0 < dt < math.inf:
         raise ValueError(f"dt: expected a time step > 0 s, got {dt}")
+    return dt
