@@ -104,8 +104,8 @@ def test_the_comb_agrees_with_a_search_for_each_tooth():
     for _ in range(50):
         w = rng.dirichlet(np.full(30, 0.3))
         seed = int(rng.integers(2**32))
-        u = np.random.default_rng(seed).random()
-        searched = np.searchsorted(np.cumsum(w) / np.cumsum(w)[-1], (np.arange(30) + u) / 30, side="right")
+        teeth = (np.arange(30) + 1 - np.random.default_rng(seed).random()) / 30
+        searched = np.searchsorted(np.cumsum(w) / np.cumsum(w)[-1], teeth)
         np.testing.assert_array_equal(particles.systematic(w, np.random.default_rng(seed)), searched)
 
 
