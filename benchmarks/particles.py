@@ -31,6 +31,7 @@ import numpy as np  # noqa: E402
 
 from coursekit import particles as ours  # noqa: E402
 from coursekit.models import DifferentialDrive, RangeOnly  # noqa: E402
+from coursekit.particles.cloud import BLOCK  # noqa: E402
 
 LANDMARKS = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [0.0, 6.0]])
 CONTROL, DT, SIGMA_U, SIGMA_RANGE = np.array([0.5, 0.2]), 0.1, np.array([0.1, 0.1]), 0.1
@@ -213,7 +214,7 @@ def stages(n: int, rounds: int) -> tuple[dict[str, float], dict[str, float]]:
     gained = sum(gain(cloud.states) for gain in gains)
     weighed = ours.weigh(cloud, gained)
     indices = ours.systematic(weighed.weights, rng)
-    parts, column = np.array_split(cloud.states[:, 2].copy(), -(-n // ours.BLOCK)), 8 * n
+    parts, column = np.array_split(cloud.states[:, 2].copy(), -(-n // BLOCK)), 8 * n
     calls: dict[str, tuple[Callable[[], object], float]] = {
         "predict": (lambda: ours.predict(cloud, motion, CONTROL, DT, rng), 6 * column),
         "  of it: normals": (lambda: [rng.standard_normal((len(part), 2)) for part in parts], 0),
