@@ -12,6 +12,7 @@ from coursekit import particles
 from coursekit.gaussian import Gaussian, nees
 from coursekit.models import DifferentialDrive, Position, RangeBearing, RangeOnly, pose_residual
 from coursekit.particles import Particles
+from coursekit.scenes import lab07
 
 METHODS = list(particles.RESAMPLERS.values())
 WEIGHTS = {
@@ -384,3 +385,53 @@ def test_the_other_doors_say_what_was_wrong():
         particles.occupied_bins(cloud.states, 0.0)
     with pytest.raises(ValueError, match="scale"):
         particles.roughen(cloud, rng, scale=-1)
+
+
+# --- the homework, from its own parameters --------------------------------------------------------------------
+
+
+def near(got, reference, standard_error):
+    """Within five standard errors, and half a unit of the reference's last printed place."""
+    return np.all(np.abs(got - np.array(reference)) < 5 * np.array(standard_error) + 0.00055)
+
+
+def test_the_homeworks_dead_reckoning_is_that_of_a_million_particles():
+    """100,000 particles, tolerance 5 standard errors (measured over 25 seeds) in 5 numbers: false alarm 3e-6."""
+    rng = np.random.default_rng(0)
+    cloud = particles.predict(lab07.at_the_start(100_000), lab07.drive(), lab07.CONTROL, 10.0, rng)
+    assert near(particles.mean(cloud)[:2], [1.0728, 3.0764], [0.0018, 0.0004])
+    P = particles.covariance(cloud)[:2, :2]
+    assert near(P, [[0.392, 0.0393], [0.0393, 0.0193]], [[0.0016, 0.0005], [0.0005, 0.00014]])
+
+
+def test_the_homeworks_four_posterior_means_are_those_of_a_million_particles():
+    """100,000 particles, 5 standard errors in 8 numbers: false alarm 5e-6."""
+    history = lab07.homework(100_000, np.random.default_rng(0))
+    means = np.array([particles.mean(weighed)[:2] for _, weighed in history])
+    reference = [(1.630, 1.233), (1.031, 3.142), (-0.998, 3.206), (-1.642, 1.228)]
+    assert near(means, reference, np.array([[0.0002, 0.0003, 0.0004, 0.0005]]).T)
+
+
+def test_fresh_noise_in_a_hundred_small_steps_is_another_and_smaller_noise():
+    """var x falls from 0.392 to 0.0055; 20,000 particles, relative standard error of a variance 1 %."""
+    rng, cloud = np.random.default_rng(0), lab07.at_the_start(20_000)
+    for _ in range(100):
+        cloud = particles.predict(cloud, lab07.drive(), lab07.CONTROL, 0.1, rng)
+    assert particles.covariance(cloud)[0, 0] == pytest.approx(0.0055, rel=0.05)
+
+
+def test_the_homeworks_filter_knows_how_wrong_it_is():
+    """NEES of the pose at each fix over 300 simulated drives.  The mean square of e against the posterior's own
+    covariance is 3 whatever the posterior's shape; tolerance 4 standard errors at each of 4 fixes: 3e-4."""
+    rng, sensor = np.random.default_rng(3), lab07.FIX
+    values = np.zeros((300, 4))
+    for run in values:
+        truth, cloud = np.zeros((1, 3)), lab07.at_the_start(1500)
+        for k in range(4):
+            truth = lab07.drive().sample(truth, lab07.CONTROL, lab07.PERIOD, rng)
+            z = truth[0, :2] + 0.1 * rng.standard_normal(2)
+            cloud = particles.predict(cloud, lab07.drive(), lab07.CONTROL, lab07.PERIOD, rng)
+            cloud = particles.weigh(cloud, particles.log_likelihood(sensor, z))
+            run[k] = nees(particles.as_gaussian(cloud), truth[0], pose_residual)
+            cloud = particles.resample(cloud, rng)
+    assert np.all(np.abs(values.mean(axis=0) - 3) < 4 * values.std(axis=0) / np.sqrt(300)), values.mean(axis=0)

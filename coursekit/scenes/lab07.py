@@ -1,0 +1,291 @@
+"""Lab 7's pictures: the homework's cloud, five ways to resample, and noise that is held or drawn afresh."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from typing import Any, ClassVar
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+
+from coursekit import gaussian, particles, plotting
+from coursekit.geometry import Array
+from coursekit.models import DifferentialDrive, Position
+from coursekit.particles import Particles
+
+# The assignment's robot: wheels of 0.25 m, 0.5 m apart, turning at 1.5 and 2 rad/s; a fix of the position every 5 s.
+RADIUS, TRACK, WHEELS, PERIOD = 0.25, 0.5, np.array([1.5, 2.0]), 5.0
+CONTROL = np.array([RADIUS * WHEELS.sum() / 2, RADIUS * (WHEELS[1] - WHEELS[0]) / TRACK])
+FIXES = np.array([[1.6561, 1.2847], [1.0505, 3.1059], [-0.9875, 3.2118], [-1.6450, 1.1978]])
+FIX = Position(R=np.diag([0.1**2, 0.1**2]))
+
+
+def drive(sigma_wheel: float = 0.05) -> DifferentialDrive:
+    """The homework's robot: each wheel errs by ``sigma_wheel`` rad/s, held for a whole step, and nothing else does."""
+    return DifferentialDrive.from_wheels(RADIUS, TRACK, sigma_wheel, sigma_slip=(0.0, 0.0, 0.0))
+
+
+def at_the_start(n: int) -> Particles:
+    """All particles at the known start."""
+    return Particles(np.zeros((n, 3)), angles=(2,))
+
+
+def homework(
+    n: int, rng: np.random.Generator, sigma_wheel: float = 0.05, resampler: str = "systematic"
+) -> list[tuple[Particles, Particles]]:
+    """The assignment's filter; (before, after) each of the four fixes.  ``resampler`` may be "never"."""
+    cloud, history = at_the_start(n), []
+    for z in FIXES:
+        predicted = particles.predict(cloud, drive(sigma_wheel), CONTROL, PERIOD, rng)
+        weighed = particles.weigh(predicted, particles.log_likelihood(FIX, z))
+        history.append((predicted, weighed))
+        method = particles.RESAMPLERS.get(resampler)
+        cloud = particles.resample(weighed, rng, method) if method else weighed
+    return history
+
+
+def planned_path(seconds: float = 20.0) -> Array:
+    """Where the robot would go if its wheels never erred, (101, 3)."""
+    return np.array([drive().f(np.zeros(3), CONTROL, t) for t in np.linspace(1e-9, seconds, 101)])
+
+
+class HomeworkCloud:
+    """The cloud before and after a fix, its weights, and its effective sample size at every fix so far."""
+
+    def __init__(self) -> None:
+        self.figure = plotting.figure(7.6, 4.4)
+        panels: Any = self.figure.subfigures(1, 2, width_ratios=[1.5, 1])
+        ax, (upper, lower) = plotting.axes(panels[0]), plotting.axes(panels[1], 2, 1)
+        ax.plot(*planned_path()[:, :2].T, color=plotting.ODOMETRY, lw=1, ls="--")
+        ax.plot(*FIXES.T, "x", color=plotting.MEASUREMENT, ms=5, alpha=0.5)
+        ax.set(xlim=(-2.9, 2.9), ylim=(-0.7, 4.9), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        (self.before,) = ax.plot([], [], ".", color=plotting.ODOMETRY, ms=2.5, alpha=0.5, label="before the fix")
+        self.after = ax.scatter(
+            [np.nan], [np.nan], s=[9], color=plotting.ESTIMATE, alpha=0.55, lw=0, label="after, by weight"
+        )
+        (self.fix,) = ax.plot([], [], color=plotting.MEASUREMENT, lw=1.6, label="fix, 95 %")
+        (self.ellipse,) = ax.plot([], [], color=plotting.TRUTH, lw=1.4, label="cloud, 95 %")
+        ax.legend(loc="lower left", ncols=2, fontsize=8.5, markerscale=2, handletextpad=0.4, columnspacing=1.0)
+        self.title = ax.set_title(" ", loc="left")
+        upper.set(xlim=(0, 100), ylim=(0, 12), xlabel="particles, heaviest first [%]")
+        upper.set_title("weight × n", loc="left")
+        (self.weights,) = upper.plot([], [], color=plotting.ESTIMATE)
+        upper.axhline(1, color=plotting.ODOMETRY, lw=1, ls="--")
+        lower.set(xlim=(2, 23), ylim=(0, 100), xticks=[5, 10, 15, 20], xlabel="time [s]")
+        lower.set_title("effective sample size [% of n]", loc="left")
+        self.bars = lower.bar(PERIOD * np.arange(1, 5), np.zeros(4), width=3.2, color=plotting.ESTIMATE)
+        self.moving: list[Artist] = [
+            self.before,
+            self.after,
+            self.fix,
+            self.ellipse,
+            self.title,
+            self.weights,
+            *self.bars,
+        ]
+        self.run = lru_cache(maxsize=64)(self._run)
+
+    @staticmethod
+    def _run(n: int, noise: float, resampler: str) -> list[tuple[Particles, Particles]]:
+        return homework(n, np.random.default_rng(5), noise, resampler)
+
+    def update(self, *, particles: int, noise: float, time: int, resampler: str) -> None:
+        history = self.run(particles, noise, resampler)
+        now = round(time / PERIOD) - 1
+        before, after = history[now]
+        shown = slice(None, None, max(1, particles // 1000))
+        self.before.set_data(*before.states[shown, :2].T)
+        self.after.set_offsets(after.states[shown, :2])
+        self.after.set_sizes(np.minimum(14 * particles * after.weights[shown] * 300 / max(particles, 300), 260))
+        self.fix.set_data(*(FIXES[now] + gaussian.ellipse(FIX.R)).T)
+        self.ellipse.set_data(*_ellipse(after).T)
+        self.weights.set_data(np.linspace(0, 100, particles), particles * np.sort(after.weights)[::-1])
+        shares = [100 * _ess(weighed) / particles for _, weighed in history]
+        for k, bar in enumerate(self.bars):
+            bar.set_height(shares[k] if k <= now else 0)
+        self.title.set_text(f"{shares[now] / 100 * particles:.0f} of {particles} particles still count")
+
+    def alt(self, particles: int, noise: float, time: int, resampler: str) -> str:
+        after = self.run(particles, noise, resampler)[round(time / PERIOD) - 1][1]
+        x, y, _ = _mean(after)
+        return (
+            f"A robot on a circle of 1.75 m: its grey cloud before the fix at {time} s, curved like a banana, and the "
+            f"blue cloud after it around ({x:.2f}, {y:.2f}) m; effective sample size {_ess(after):.0f} of {particles}"
+        )
+
+
+class ResamplerStrip:
+    """Ten weights side by side on [0, 1], the stops of one draw, and copies against ten times the weight."""
+
+    SHAPES: ClassVar = {
+        "nearly even": np.array([8, 12, 9, 11, 10, 7, 13, 10, 9, 11.0]),
+        "uneven": np.array([1, 22, 4, 3, 25, 1, 2, 30, 9, 3.0]),
+        "one rules": np.array([2, 3, 1, 2, 78, 3, 4, 2, 3, 2.0]),
+    }
+
+    def __init__(self) -> None:
+        self.figure = plotting.figure(7.2, 4.4)
+        strip, copies = plotting.axes(self.figure, 2, 1, height_ratios=[1, 2.1])
+        strip.set(xlim=(-0.01, 1.01), ylim=(-0.15, 1.45), yticks=[], xlabel="cumulative weight")
+        strip.grid(visible=False)
+        strip.spines["left"].set_visible(False)
+        colours = ["#56B4E9", "#9ad0f0"]
+        self.slices = [strip.barh(0.4, 0.1, left=0.1 * i, height=0.8, color=colours[i % 2])[0] for i in range(10)]
+        self.names = [strip.text(0.1 * i, 0.4, str(i), ha="center", va="center", fontsize=9) for i in range(10)]
+        (self.stops,) = strip.plot([], [], "v", color=plotting.MEASUREMENT, ms=7)
+        (self.certain,) = strip.plot([], [], "s", color=plotting.TRUTH, ms=5)
+        self.title = strip.set_title(" ", loc="left")
+        copies.set(xlim=(-0.6, 9.6), ylim=(0, 10), xticks=range(10), xlabel="particle", ylabel="copies")
+        self.expected = copies.bar(range(10), np.zeros(10), color=colours[0], width=0.7, label="n × weight")
+        (self.spread,) = copies.plot(
+            [], [], color=plotting.BAND, lw=3, label="mean ± one standard deviation, 1000 draws"
+        )
+        (self.drawn,) = copies.plot([], [], "D", color=plotting.MEASUREMENT, ms=6, label="copies in this draw")
+        copies.legend(loc="upper right", fontsize=8.5)
+        self.moving: list[Artist] = [
+            *self.slices, *self.names, self.stops, self.certain, self.title, *self.expected, self.spread, self.drawn,
+        ]  # fmt: skip
+        self.statistics = lru_cache(maxsize=32)(self._statistics)
+
+    def _statistics(self, method: str, weights: str) -> tuple[Array, Array]:
+        rng, w = np.random.default_rng(0), self.SHAPES[weights]
+        copies = [np.bincount(particles.RESAMPLERS[method](w, rng), minlength=w.size) for _ in range(1000)]
+        return np.mean(copies, axis=0), np.std(copies, axis=0)
+
+    def draw(self, method: str, weights: str, draw: int) -> tuple[Array, Array, Any]:
+        """Stops on [0, 1), the certain copies' places, and copies (10,): the package's draw, laid open."""
+        w = self.SHAPES[weights] / self.SHAPES[weights].sum()
+        rng, n, rim = np.random.default_rng(100 + draw), w.size, np.cumsum(w)
+        certain = np.floor(n * w).astype(int) if method == "residual" else np.zeros(n, dtype=int)
+        if method == "systematic":
+            stops = (np.arange(n) + rng.random()) / n
+        elif method == "stratified":
+            stops = (np.arange(n) + rng.random(n)) / n
+        elif method == "wheel":
+            stops = np.mod(rng.random() + np.cumsum(rng.random(n) * 2 * w.max()), 1)
+        elif method == "residual":
+            left = np.searchsorted(np.cumsum(n * w - certain), rng.random(n - certain.sum()) * (n - certain.sum()))
+            stops = (rim - w)[left] + 0.75 * w[left]  # its own wheel is the cut-off parts; shown in their slices
+        else:
+            stops = rng.random(n)
+        chosen = np.bincount(np.searchsorted(rim, np.minimum(stops, rim[-1] - 1e-12), side="right"), minlength=n)
+        places = np.concatenate([rim[i] - w[i] + w[i] * (np.arange(c) + 1) / (c + 2) for i, c in enumerate(certain)])
+        return stops, places, chosen + certain
+
+    def update(self, *, method: str, weights: str, draw: int) -> None:
+        w = self.SHAPES[weights] / self.SHAPES[weights].sum()
+        left = np.cumsum(w) - w
+        stops, places, copies = self.draw(method, weights, draw)
+        for i in range(10):
+            self.slices[i].set_x(left[i])
+            self.slices[i].set_width(w[i])
+            self.names[i].set_x(left[i] + w[i] / 2)
+            self.names[i].set_visible(bool(w[i] > 0.018))
+            self.expected[i].set_height(10 * w[i])
+        self.stops.set_data(stops, np.full(stops.size, 1.0))
+        self.certain.set_data(places, np.full(places.size, 1.0))
+        centre, sd = self.statistics(method, weights)
+        bars = np.array([[i, i, np.nan] for i in range(10)]) + 0.22, np.stack([centre - sd, centre + sd, sd], axis=1)
+        self.spread.set_data(bars[0].ravel(), bars[1].ravel())
+        self.drawn.set_data(np.arange(10), copies)
+        ess = particles.effective_sample_size(w)
+        self.title.set_text(
+            f"{method}: {np.sum(copies > 0)} of 10 survive (ESS {ess:.1f}), variance of the copies {np.sum(sd**2):.1f}"
+        )
+
+    def alt(self, method: str, weights: str, draw: int) -> str:
+        copies = self.draw(method, weights, draw)[2]
+        return (
+            f"Ten weights as slices of a strip with the stops of {method} resampling above; below, bars of ten times "
+            f"the weight and this draw's copies: {', '.join(map(str, copies))}"
+        )
+
+
+class NoiseModels:
+    """Ten seconds of dead reckoning, cut into steps: where 1500 robots end, and how wide they lie."""
+
+    STEPS = (1, 2, 5, 10, 20, 50, 100)
+    NOISE: ClassVar = {
+        "fresh, same σ": plotting.MEASUREMENT,
+        "fresh, σ·√steps": plotting.BAND,
+        "held": plotting.ESTIMATE,
+    }
+
+    def __init__(self) -> None:
+        self.endings = {(k, noise): self.dead_reckoning(k, noise) for k in self.STEPS for noise in self.NOISE}
+        self.figure = plotting.figure(7.6, 3.9)
+        ax, curve = plotting.axes(self.figure, 1, 2, width_ratios=[1.15, 1])
+        ax.plot(*planned_path(12)[:, :2].T, color=plotting.ODOMETRY, lw=1, ls="--")
+        (self.cloud,) = ax.plot([], [], ".", ms=2.5, alpha=0.5)
+        ax.set(xlim=(-1.2, 2.9), ylim=(1.0, 4.6), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        self.title = ax.set_title(" ", loc="left")
+        for noise, colour in self.NOISE.items():
+            variance = [self.endings[k, noise][:, 0].var() for k in self.STEPS]
+            curve.plot(self.STEPS, variance, ".-", color=colour, label=noise)
+        (self.here,) = curve.plot([], [], "o", mfc="none", mec=plotting.TRUTH, ms=11, mew=2)
+        curve.set(xscale="log", yscale="log", xlabel="steps in 10 s", ylabel="var x [m²]")
+        curve.set_title("the same σ, three meanings", loc="left")
+        curve.legend(loc="lower left")
+        self.moving: list[Artist] = [self.cloud, self.title, self.here]
+
+    @staticmethod
+    def dead_reckoning(steps: int, noise: str, n: int = 1500) -> Array:
+        """Poses after 10 s in ``steps`` steps, (n, 3)."""
+        rng = np.random.default_rng(3)
+        if noise == "held":
+            held = CONTROL + rng.standard_normal((n, 2)) * [drive().sigma_v, drive().sigma_omega]
+            poses = np.zeros((n, 3))
+            for _ in range(steps):
+                poses = drive().f(poses, held, 10 / steps)
+            return poses
+        cloud, model = at_the_start(n), drive(0.05 * (np.sqrt(steps) if "√" in noise else 1.0))
+        for _ in range(steps):
+            cloud = particles.predict(cloud, model, CONTROL, 10 / steps, rng)
+        return cloud.states
+
+    def update(self, *, steps: int, noise: str) -> None:
+        poses = self.endings[steps, noise]
+        self.cloud.set_data(*poses[:, :2].T)
+        self.cloud.set_color(self.NOISE[noise])
+        self.here.set_data([steps], [poses[:, 0].var()])
+        self.title.set_text(f"{steps} step{'s' * (steps > 1)} of {10 / steps:g} s: var x = {poses[:, 0].var():.4f} m²")
+
+    def alt(self, steps: int, noise: str) -> str:
+        poses = self.endings[steps, noise]
+        return (
+            f"Endings of 1500 robots after 10 s in {steps} steps, noise {noise}: they spread {poses[:, 0].std():.2f} m "
+            f"along x and {poses[:, 1].std():.2f} m along y; beside them, var x against the number of steps"
+        )
+
+
+def error_against_particles(errors: dict[str, dict[int, float]]) -> Figure:
+    """RMS error of the posterior mean for each number of particles, a line for each resampler, with 1/√n."""
+    fig = plotting.figure(6.4, 3.8)
+    ax = plotting.axes(fig)
+    for name, by_n in errors.items():
+        ax.plot(list(by_n), [1000 * e for e in by_n.values()], ".-", label=name)
+    n = np.array(list(next(iter(errors.values()))), dtype=float)
+    first = 1000 * max(e[int(n[0])] for e in errors.values())
+    ax.plot(n, first * np.sqrt(n[0] / n), color=plotting.TRUTH, lw=1, ls="--", label="1/√n")
+    ax.set(xscale="log", yscale="log", xlabel="particles", ylabel="RMS error of the mean [mm]")
+    ax.set_title("Four times the particles, half the error", loc="left")
+    ax.legend(ncols=2)
+    return fig
+
+
+def _mean(cloud: Particles) -> Array:
+    return particles.mean(cloud)
+
+
+def _ess(cloud: Particles) -> float:
+    return particles.effective_sample_size(cloud.weights)
+
+
+def _ellipse(cloud: Particles) -> Any:
+    """The 95 % ellipse of a cloud's position; a point when the cloud has collapsed onto fewer than three states."""
+    mean, cov = particles.mean(cloud)[:2], particles.covariance(cloud)[:2, :2]
+    try:
+        return mean + gaussian.ellipse(cov)
+    except ValueError:
+        return mean[None]
