@@ -1,0 +1,111 @@
+"""Every page of the built book, wide and on a phone, by day and by night."""
+
+import re
+
+import pytest
+
+from tests.browser.conftest import HTML, SCREENS
+
+PAGES = sorted(str(p.relative_to(HTML)) for p in HTML.rglob("*.html") if "_static" not in p.parts)
+WITH_SLIDERS = [p for p in PAGES if 'class="explorer"' in (HTML / p).read_text(encoding="utf-8")]
+every_page = pytest.mark.parametrize("name", PAGES)
+every_page_with_sliders = pytest.mark.parametrize("name", WITH_SLIDERS)
+
+LOADED = """async () => {
+  document.querySelectorAll("img[loading=lazy]").forEach((image) => { image.loading = "eager"; });
+  await Promise.all([...document.images].map((image) => image.decode().catch(() => {})));
+  if (window.MathJax) await window.MathJax.startup.promise;
+}"""
+
+# Text whose colour stands out too little from what is behind it (WCAG's ratio).
+FAINT = """(least) => {
+  const channel = (v) => (v /= 255) <= 0.04045 ? v / 12.92 : ((v + 0.055) / 1.055) ** 2.4;
+  const parse = (text) => { const n = text.match(/[\\d.]+/g).map(Number); return n.length > 3 ? n : [...n, 1]; };
+  const light = ([r, g, b]) => 0.2126 * channel(r) + 0.7152 * channel(g) + 0.0722 * channel(b);
+  const over = (top, under) => [0, 1, 2].map((i) => top[i] * top[3] + under[i] * (1 - top[3]));
+  const behind = (e) => {
+    const layers = [];
+    for (; e; e = e.parentElement) {
+      const colour = parse(getComputedStyle(e).backgroundColor);
+      if (colour[3] > 0) layers.push(colour);
+      if (colour[3] === 1) break;
+    }
+    return layers.reverse().reduce((under, layer) => over(layer, under), [255, 255, 255]);
+  };
+  const faint = new Set();
+  const walker = document.createTreeWalker(document.querySelector("article") ?? document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const e = walker.currentNode.parentElement, words = walker.currentNode.textContent.trim();
+    if (!words || !e.checkVisibility({ opacityProperty: true, visibilityProperty: true })) continue;
+    if (e.closest("script, style, svg, mjx-container, .headerlink, button, kbd, [class*=kbd], noscript")) continue;
+    const under = behind(e), colour = over(parse(getComputedStyle(e).color), under);
+    const [dark, bright] = [light(colour), light(under)].sort((a, b) => a - b);
+    const ratio = (bright + 0.05) / (dark + 0.05);
+    if (ratio < least) faint.add(`${words.slice(0, 40)} (${e.className || e.tagName}, ${ratio.toFixed(1)})`);
+  }
+  return [...faint];
+}"""
+
+
+def look(page, address, screen, scheme):
+    width, height = SCREENS[screen]
+    page.set_viewport_size({"width": width, "height": height})
+    page.emulate_media(color_scheme=scheme)
+    page.goto(address, wait_until="load")
+    page.evaluate(LOADED)
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+@pytest.mark.parametrize("screen", SCREENS)
+@every_page
+def test_a_page_is_whole(page, site, name, screen, scheme):
+    look(page, f"{site}/{name}", screen, scheme)
+    # Folded parts belong to the page too.
+    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    assert page.complaints == []
+    overflow = page.evaluate("document.documentElement.scrollWidth - document.documentElement.clientWidth")
+    assert overflow <= 0, f"{overflow} px wider than the screen"
+    images = page.evaluate("[...document.images].map((i) => [i.alt, i.naturalWidth, i.currentSrc.slice(-60)])")
+    assert [source for alt, width, source in images if not alt.strip() or width == 0] == []
+    background = page.evaluate("getComputedStyle(document.body).backgroundColor")
+    brightness = sum(map(int, re.findall(r"\d+", background)[:3])) / 3
+    assert brightness > 200 if scheme == "light" else brightness < 60
+    assert page.evaluate(FAINT, 4.0) == []
+
+
+@every_page
+def test_equations_are_drawn_and_none_is_left_as_text_or_error(page, site, name):
+    look(page, f"{site}/{name}", "wide", "light")
+    assert page.evaluate(r"document.querySelector('main').innerText.match(/\\\(|\\\[|\\begin\{/g)") is None
+    undrawn = "[...document.querySelectorAll('.math')].filter((m) => !m.querySelector('mjx-container')).length"
+    assert page.evaluate(undrawn) == 0
+    assert page.evaluate("document.querySelectorAll('[data-mjx-error], mjx-merror').length") == 0
+
+
+@every_page_with_sliders
+def test_a_page_with_sliders_is_light(name):
+    assert (HTML / name).stat().st_size < 600_000
+
+
+@pytest.mark.parametrize("word", ["covariance", "kalman"])
+def test_search_finds_a_word_and_leads_to_it(page, site, word):
+    page.goto(f"{site}/index.html")
+    page.keyboard.press("Control+k")
+    page.locator("#pst-search-dialog input[type=search]").fill(word)
+    page.keyboard.press("Enter")
+    first = page.locator("#search-results li a").first
+    first.wait_for()
+    first.click()
+    page.wait_for_load_state("load")
+    assert word in page.locator("main").inner_text().lower()
+    assert page.complaints == []
+
+
+def test_the_reader_may_choose_the_dark(page, site):
+    look(page, f"{site}/index.html", "wide", "light")
+    page.get_by_role("button", name="Color mode").click()
+    page.get_by_role("button", name="Dark").click()
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark"
+    page.goto(f"{site}/notation.html")
+    assert page.evaluate("document.documentElement.dataset.theme") == "dark", "the choice is forgotten"
+    page.evaluate("localStorage.clear()")
