@@ -26,12 +26,6 @@ ARGUMENTS = [
 SCREENS = {"wide": (1440, 900), "phone": (390, 844)}
 
 
-def pytest_collection_modifyitems(items):
-    for item in items:
-        if Path(__file__).parent in item.path.parents:
-            item.add_marker(pytest.mark.browser)
-
-
 class Quiet(SimpleHTTPRequestHandler):
     def log_message(self, *words):
         pass

@@ -5,6 +5,8 @@ import pytest
 from tests.browser.conftest import HTML
 from tests.browser.test_pages import every_page_with_sliders
 
+pytestmark = pytest.mark.browser
+
 # The picture as it is on the screen now: the address of its frame, and a digest of its pixels where a page may read
 # them (a page from disk may not).
 PICTURE = """async (image) => {

@@ -17,6 +17,7 @@ import pytest
 
 from tests import labs
 
+pytestmark = pytest.mark.browser
 TOKEN = secrets.token_hex(16)
 START, RUN = 45, 180  # seconds
 SETTINGS = {

@@ -6,6 +6,8 @@ import pytest
 
 from tests.browser.conftest import HTML, SCREENS
 
+pytestmark = pytest.mark.browser
+
 PAGES = sorted(str(p.relative_to(HTML)) for p in HTML.rglob("*.html") if "_static" not in p.parts)
 WITH_SLIDERS = [p for p in PAGES if 'class="explorer"' in (HTML / p).read_text(encoding="utf-8")]
 every_page = pytest.mark.parametrize("name", PAGES)
