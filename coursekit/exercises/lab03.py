@@ -91,7 +91,7 @@ def log_likelihood(answer: Any, rng: np.random.Generator) -> None:
             ),
             "That is what an optimiser wants to make small; the log-likelihood has the other sign.": -right,
             "That is the sum. Per sample, so that logs of any length can be compared.": 6 * right,
-            "That is the log of the mean density. Densities of samples are multiplied, so their logs are added.": np.log(
+            "That is the log of the mean density; densities are multiplied, so their logs are added.": np.log(
                 np.mean(np.exp(-0.5 * (two_pi + z)) / sigma)
             ),
             "The error is squared, its σ is not.": np.mean(-0.5 * (two_pi + e**2 / sigma) - np.log(sigma)),
@@ -100,7 +100,7 @@ def log_likelihood(answer: Any, rng: np.random.Generator) -> None:
             ),
             "log σ counts half: ½ log σ² is log σ.": np.mean(-0.5 * (two_pi + z) - 0.5 * np.log(sigma)),
         },
-        otherwise="Write down the Gaussian density of one error, take its log term by term, and average over the samples.",
+        otherwise="Write down the Gaussian density of one error, take its log term by term, and average.",
     )
 
 
