@@ -11,6 +11,7 @@ Lange, Little & Taylor (1989) for the t-distributed residuals.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import cv2
 import numpy as np
@@ -22,6 +23,7 @@ from coursekit.results import Rejected
 from coursekit.visual.frames import odometry_from_image
 
 SMALLEST = 32  # pixels: a picture smaller than this holds no feature worth the name
+FAINTEST = 0.01  # contrast of a feature, a quarter of SIFT's default: a moonscape has no stronger ones
 FREEDOM = 4.0  # of the t-distribution that residuals follow: tails heavier than a Gaussian's
 GRID = 0.004  # px: what interpolation does to a position, unseen by any residual
 
@@ -93,13 +95,14 @@ class MapMatcher:
         self.ratio, self.reprojection, self.min_inliers = ratio, reprojection, min_inliers
         self.scales, self.max_skew = scales, max_skew
         # Without precise upscaling SIFT puts every feature a quarter of a pixel off, in the picture's own axes.
-        keypoints, descriptors = cv2.SIFT.create(enable_precise_upscale=True).detectAndCompute(grey, None)
+        precise: dict[str, Any] = {"enable_precise_upscale": True, "contrastThreshold": FAINTEST}
+        keypoints, descriptors = cv2.SIFT.create(**precise).detectAndCompute(grey, None)
         if len(keypoints) < min_inliers:
             raise ValueError(f"map_image: expected at least {min_inliers} features, found {len(keypoints)}")
         self.points: Array = np.array([k.pt for k in keypoints])
-        self._sift = cv2.SIFT.create(nfeatures=max_features, enable_precise_upscale=True)
+        self._sift = cv2.SIFT.create(nfeatures=max_features, **precise)
         cv2.setRNGSeed(1)
-        self._search = cv2.FlannBasedMatcher({"algorithm": 1, "trees": 4}, {"checks": 64})  # 1: k-d trees
+        self._search = cv2.FlannBasedMatcher({"algorithm": 1, "trees": 4}, {"checks": 32})  # 1: k-d trees
         self._search.add([descriptors])
         self._search.train()
 

@@ -198,7 +198,7 @@ def test_blind_it_grows_uncertain_and_the_truth_stays_inside():
 
 def test_with_a_direct_matcher_it_sees_where_features_fail(sea, matcher):
     """Murky water over rocks: every fix is rejected, and the picture as a whole still tells."""
-    murky = dive(sea, 25, 7, start=[600, 420, 1.3], targets=[[1000, 380]], blur=6.0)
+    murky = dive(sea, 25, 7, start=[600, 420, 1.3], targets=[[1000, 380]], blur=8.0)
     poses = odometry_from_image(murky.poses)
     frames = [murky.frame(k) for k in range(1, 26)]
     fixes = [matcher.locate(frame) for frame in frames]

@@ -141,7 +141,7 @@ def test_two_matchers_of_one_map_agree_to_the_last_bit_and_change_nothing(sea, m
     [
         (lambda sea, rng: np.full((400, 400), 128, np.uint8), "uniform: grey level 128"),
         (lambda sea, rng: look(sea, [1280, 400, 0.4], rng=rng, **WATER), "features look like one place"),
-        (lambda sea, rng: look(sea, [500, 400, 0], blur=6, noise=3, rng=rng), "look like one place|agree"),
+        (lambda sea, rng: look(sea, [500, 400, 0], blur=10, noise=3, rng=rng), "look like one place|agree"),
         (lambda sea, rng: rng.integers(0, 256, (400, 400), dtype=np.uint8), "look like one place|agree"),
         (lambda sea, rng: clouds((400, 400), 1), "look like one place|agree|implausible|mirrored|outside"),
         (lambda sea, rng: np.ascontiguousarray(sea[CUT][:, ::-1]), "look like one place|agree|mirrored|implausible"),
