@@ -1,0 +1,140 @@
+"""The checks of Lab 2: columns and angles, depth and range, two edges and one axis, pixels and metres."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coursekit.exercises import call, close, exercise, expect
+from coursekit.pinhole import Camera, project_cylinder
+
+
+def _camera(rng: np.random.Generator) -> Camera:
+    """A camera with different focal lengths across and along, so that a mixed-up one shows."""
+    fx, fy = rng.uniform(400, 700), rng.uniform(750, 1000)
+    return Camera(fx, fy, rng.uniform(300, 340), rng.uniform(220, 260), 640, 480)
+
+
+@exercise("lab02.bearing_of_column")
+def bearing_of_column(answer: Any, rng: np.random.Generator) -> None:
+    camera, u = _camera(rng), rng.uniform(20, 620, 6)
+    u[0] = camera.cx + 100.0
+    t = (camera.cx - u) / camera.fx
+    close(
+        call(answer, u, camera),
+        np.arctan(t),
+        misconceptions={
+            "Your bearings are mirrored: a column right of the centre is seen to the right, and left is positive.":
+                np.arctan(-t),
+            "You stopped at the tangent: y/x is a ratio, not yet an angle.": t,
+            "Those are degrees; the course measures angles in radians.": np.degrees(np.arctan(t)),
+            "Columns run across the picture: which of the two focal lengths belongs to them?":
+                np.arctan((camera.cx - u) / camera.fy),
+            "The optical axis is not at column 0: measure columns from the principal point.":
+                np.arctan(-u / camera.fx),
+            "The principal point is where the optical axis meets the sensor, not half of the width.":
+                np.arctan((camera.width / 2 - u) / camera.fx),
+        },
+        otherwise="Draw the pinhole from above: how far left of the optical axis is the ray, at one focal length?",
+    )  # fmt: skip
+
+
+@exercise("lab02.range_from_height")
+def range_from_height(answer: Any, rng: np.random.Generator) -> None:
+    camera, h = _camera(rng), rng.uniform(0.3, 1.2)
+    theta, height = rng.uniform(0.3, 0.6) * rng.choice([-1, 1]), rng.uniform(40, 200)
+    depth, c = h * camera.fy / height, np.cos(theta)
+    close(
+        call(answer, height, theta, camera, h),
+        depth / c,
+        misconceptions={
+            "That is the depth, along the optical axis. The range runs along the ray.": depth,
+            "The cosine stands on the wrong side. Is a slanted side longer or shorter than the one it slants from?":
+                depth * c,
+            "Heights are measured down the picture: which focal length belongs to rows?": h * camera.fx / height / c,
+            "A sine belongs to the side across from the angle; the depth is the side next to it.":
+                depth / np.sin(theta),
+            "You took θ for degrees before the cosine; it is in radians already.": depth / np.cos(np.radians(theta)),
+            "Taller in the picture means nearer: your ratio is upside down.": height / (h * camera.fy) / c,
+        },
+        otherwise="Two steps: similar triangles give the depth, then the right triangle with θ gives the range.",
+    )  # fmt: skip
+
+
+@exercise("lab02.axis_of_edges")
+def axis_of_edges(answer: Any, rng: np.random.Generator) -> None:
+    camera = _camera(rng)
+    d, theta = rng.uniform(0.5, 1.0), rng.uniform(0.3, 0.5) * rng.choice([-1, 1])
+    seen = project_cylinder(d, theta, camera, 0.5, 0.12)
+    left, right = float(seen.left_px), float(seen.right_px)
+    close(
+        call(answer, left, right, camera),
+        theta,
+        misconceptions={
+            "That is the mean of the columns: right only straight ahead, because the tangent is not a straight line.":
+                camera.bearing((left + right) / 2),
+            "That is a column in pixels; the exercise asks for the bearing of the axis.": seen.axis_px,
+            "Your bearing has the wrong sign: left of the optical axis is positive.": -theta,
+            "You added the two angles and forgot to halve them.": 2 * theta,
+            "That is half the angle between the edges: how wide the cylinder looks, not where it stands.":
+                (camera.bearing(left) - camera.bearing(right)) / 2,
+            "That is the bearing of the left edge alone.": camera.bearing(left),
+        },
+        otherwise="The outline spans the angles φ ± asin(r/ρ): what do you do with the two of them to be left with φ?",
+    )  # fmt: skip
+
+
+@exercise("lab02.cost_of_a_pixel")
+def cost_of_a_pixel(answer: Any, rng: np.random.Generator) -> None:
+    d, h, f = rng.uniform(2, 12), rng.uniform(0.3, 1.2), rng.uniform(400, 900)
+    got = call(answer, d, h, f)
+    close(
+        got,
+        d**2 / (h * f),
+        misconceptions={
+            "Linear in the distance? Put your formula for the range through a derivative, not a ratio.": d / (h * f),
+            "That is the height of the landmark in pixels, not the cost of one of them.": h * f / d,
+            "Your answer falls where it should grow: it is the inverse, pixels per metre.": h * f / d**2,
+            "The sign says that a taller picture is nearer; the question is how large the error is.":
+                -(d**2) / (h * f),
+            "A taller landmark or a longer lens makes a pixel cheaper: both belong under the line.": d**2 * h / f,
+            "That is the change when the height is one pixel *less*, exactly; the derivative at d is simpler.":
+                d**2 / (h * f - d),
+        },
+        otherwise="d = h f / n with n pixels: differentiate by n, then write n in terms of d again.",
+    )  # fmt: skip
+
+
+@exercise("lab02.robot_range_bearing")
+def robot_range_bearing(answer: Any, rng: np.random.Generator) -> None:
+    camera, h = _camera(rng), rng.uniform(0.3, 0.8)
+    r, offset = rng.uniform(0.08, 0.2), rng.uniform(0.1, 0.3)
+    d, theta = rng.uniform(1.5, 4.0), rng.uniform(0.2, 0.4) * rng.choice([-1, 1])
+    seen = project_cylinder(d, theta, camera, h, r, offset)
+    got = call(answer, float(seen.height_px), float(seen.axis_px), camera, h, r, offset)
+    expect(np.shape(got) == (2,), "Return two numbers: the range and the bearing.")
+    x, t = h * camera.fy / float(seen.height_px), (camera.cx - float(seen.axis_px)) / camera.fx
+
+    def polar(ahead: float, left: float) -> list[float]:
+        return [float(np.hypot(ahead, left)), float(np.arctan2(left, ahead))]
+
+    phi = float(np.arctan(t))
+    close(
+        got,
+        [d, theta],
+        misconceptions={
+            "That is the range to the near rim: where is the axis?": polar(x + offset, x * t),
+            "Those are seen from the camera; the robot's centre stands behind it.": polar(x + r, (x + r) * t),
+            "The camera stands ahead of the centre: add the offset to the depth, do not take it away.":
+                polar(x + r - offset, (x + r) * t),
+            "You moved the near rim towards the robot; the axis lies behind it.": polar(x - r + offset, (x - r) * t),
+            "The bearing is still the camera's: from the centre, the same point is seen at a smaller angle.":
+                [polar(x + r + offset, (x + r) * t)[0], phi],
+            "The offset moves the robot along its own x only: the step to the left does not grow with it.":
+                polar(x + r + offset, (x + r + offset) * t),
+            "A full diameter is too much: the axis is one radius behind the rim.":
+                polar(x + 2 * r + offset, (x + 2 * r) * t),
+        },
+        otherwise="Find the axis as a point [x, y] in the camera's frame, move the origin, then go back to polar.",
+    )  # fmt: skip

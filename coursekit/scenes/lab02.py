@@ -1,0 +1,175 @@
+"""Lab 2's pictures: a cylinder from above and from the camera, what each correction removes, what a pixel costs."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from typing import Any
+
+import numpy as np
+from matplotlib.artist import Artist
+from matplotlib.figure import Figure
+from matplotlib.patches import Circle
+
+from coursekit import plotting
+from coursekit.gaussian import ellipse
+from coursekit.geometry import Array
+from coursekit.pinhole import COURSE_CAMERA, Camera, project_cylinder, range_bearing, range_bearing_jacobian
+
+HEIGHT, RADIUS, OFFSET = 0.5, 0.1, 0.07  # the course's cylinder and how far ahead of the axle the camera stands, m
+CORRECTIONS = {
+    "none": {"radius": 0.0, "camera_offset": 0.0},
+    "near rim": {"radius": RADIUS, "camera_offset": 0.0},
+    "near rim + offset": {"radius": RADIUS, "camera_offset": OFFSET},
+}
+
+
+def with_focal_length(f: float) -> Camera:
+    """The course's camera behind a lens of another focal length, pixels."""
+    return replace(COURSE_CAMERA, fx=f, fy=f)
+
+
+def mean_pixel_bearing(distance: Any, bearing: Any, camera: Camera = COURSE_CAMERA) -> Array:
+    """What the mean of the two edge *pixels* says the bearing is; distance and bearing from the camera."""
+    pixels = project_cylinder(distance, bearing, camera, HEIGHT, RADIUS)
+    return camera.bearing((pixels.left_px + pixels.right_px) / 2)
+
+
+class FromAbove:
+    """Left: robot, camera, cylinder and the rays to its two edges, from above.  Right: what lands on the sensor."""
+
+    def __init__(self) -> None:
+        self.figure = plotting.figure(7.6, 4.2)
+        axes: Any = plotting.axes(self.figure, 1, 2, width_ratios=[1.15, 1])
+        top, picture = axes
+        top.set(xlim=(-1.25, 1.25), ylim=(-0.75, 2.65), xlabel="left ←  y [m]  → right", ylabel="x, ahead [m]")
+        top.set_aspect("equal")
+        top.set_xticks([-1, 0, 1], ["1", "0", "−1"])
+        plotting.draw_robot(top, [0, 0, np.pi / 2], colour=plotting.TRUTH, size=0.28)
+        top.plot(0, OFFSET, "o", color=plotting.HIGHLIGHT, ms=5, zorder=6)
+        top.annotate("camera", (0, OFFSET), xytext=(0.16, 0.02), color="#8a6000", fontsize=9)
+        self.cylinder = top.add_patch(Circle((0, 1), RADIUS, facecolor=plotting.LANDMARK_COLOURS["cyan"], alpha=0.7))
+        self.rays = [top.plot([], [], color=plotting.MEASUREMENT, lw=1)[0] for _ in range(2)]
+        (self.truth,) = top.plot([], [], "+", color=plotting.TRUTH, ms=11, mew=2, zorder=7)
+        (self.measured,) = top.plot([], [], "x", color=plotting.MEASUREMENT, ms=9, mew=2.4, zorder=8)
+        self.title = top.set_title(" ")
+        top.plot([], [], "+", color=plotting.TRUTH, ms=9, mew=2, label="true axis")
+        top.plot([], [], "x", color=plotting.MEASUREMENT, ms=8, mew=2, label="measured axis")
+        top.legend(loc="lower left", handletextpad=0.2)
+
+        picture.set(xlim=(-0.5, 639.5), ylim=(479.5, -0.5), xlabel="u [pixels]", ylabel="v [pixels]")
+        picture.set_aspect("equal")
+        picture.grid(False)
+        picture.axhline(COURSE_CAMERA.cy, color="#dddddd", lw=0.8)
+        picture.axvline(COURSE_CAMERA.cx, color="#dddddd", lw=0.8)
+        (self.outline,) = picture.fill([0, 1, 1], [0, 0, 1], color=plotting.LANDMARK_COLOURS["cyan"], alpha=0.7)
+        (self.axis,) = picture.plot([], [], color=plotting.TRUTH, lw=1.4, ls="--")
+        self.words = picture.set_title(" ")
+        self.moving: list[Artist] = [
+            self.cylinder, *self.rays, self.truth, self.measured, self.title, self.outline, self.axis, self.words
+        ]  # fmt: skip
+
+    def update(self, distance: float, bearing: float, correction: str) -> None:
+        """Distance [m] and bearing [rad] of the axis from the robot's centre."""
+        d, b = measure_perfectly(distance, bearing, **CORRECTIONS[correction])
+        x, y = distance * np.cos(bearing), distance * np.sin(bearing)
+        self.cylinder.center = (-y, x)
+        self.truth.set_data([-y], [x])
+        self.measured.set_data([-d * np.sin(b)], [d * np.cos(b)])
+        phi, rho = np.arctan2(y, x - OFFSET), np.hypot(x - OFFSET, y)
+        half, tangent = np.arcsin(RADIUS / rho), np.sqrt(rho**2 - RADIUS**2)
+        for ray, angle in zip(self.rays, (phi + half, phi - half), strict=True):
+            ray.set_data([0, -tangent * np.sin(angle)], [OFFSET, OFFSET + tangent * np.cos(angle)])
+        self.title.set_text(f"off by {d - distance:+.3f} m, {1e3 * (b - bearing):+.1f} mrad")
+        self.outline.set_xy(outline(x - OFFSET, y))
+        pixels = project_cylinder(distance, bearing, COURSE_CAMERA, HEIGHT, RADIUS, OFFSET)
+        self.axis.set_data([pixels.axis_px, pixels.axis_px], [-0.5, 479.5])
+        self.words.set_text(f"{pixels.height_px:.0f} px tall, axis at u = {pixels.axis_px:.0f}")
+
+
+def measure_perfectly(distance: Any, bearing: Any, **correction: float) -> tuple[Array, Array]:
+    """Range and bearing out of a picture without noise: the truth, plus whatever ``correction`` leaves out."""
+    pixels = project_cylinder(distance, bearing, COURSE_CAMERA, HEIGHT, RADIUS, OFFSET)
+    return range_bearing(pixels.height_px, pixels.axis_px, COURSE_CAMERA, HEIGHT, **correction)
+
+
+def outline(x: float, y: float, eye: float = 0.22) -> Array:
+    """The cylinder's outline in the picture, (n, 2) pixels: the hull of its two rims, as points of its surface."""
+    from scipy.spatial import ConvexHull
+
+    turn = np.linspace(0, 2 * np.pi, 90)
+    rims = [
+        np.stack([x + RADIUS * np.cos(turn), y + RADIUS * np.sin(turn), np.full_like(turn, z - eye)], axis=-1)
+        for z in (0.0, HEIGHT)
+    ]
+    pixels = COURSE_CAMERA.project(np.concatenate(rims))
+    return np.asarray(pixels[ConvexHull(pixels).vertices])
+
+
+class WhatAPixelCosts:
+    """A thousand noisy pictures of one cylinder, as positions: the cloud, its linearised ellipse, d²/(h f)."""
+
+    def __init__(self) -> None:
+        self.figure = plotting.figure(7.6, 4.2)
+        axes: Any = plotting.axes(self.figure, 1, 2, width_ratios=[1.2, 1])
+        cloud, curve = axes
+        cloud.set(xlim=(-1.6, 1.6), ylim=(-0.09, 0.09), xlabel="error along the ray [m]",
+                  ylabel="error across the ray [m]")  # fmt: skip
+        self.noise = np.random.default_rng(2).standard_normal((600, 2))
+        (self.dots,) = cloud.plot([], [], ".", color=plotting.MEASUREMENT, ms=3, alpha=0.35)
+        (self.ellipse,) = cloud.plot([], [], color=plotting.ESTIMATE)
+        cloud.plot(0, 0, "+", color=plotting.TRUTH, ms=11, mew=2)
+        self.title = cloud.set_title(" ")
+        cloud.legend([self.dots, self.ellipse], ["600 pictures", "95 % by the Jacobian"], loc="lower left",
+                     handletextpad=0.4)  # fmt: skip
+        self.d = np.linspace(0.7, 12, 100)
+        curve.set(xlim=(0, 12), ylim=(0, 1.0), xlabel="distance [m]", ylabel="range error of one pixel [m]")
+        (self.law,) = curve.plot([], [], color=plotting.ESTIMATE)
+        (self.here,) = curve.plot([], [], "o", color=plotting.MEASUREMENT, ms=8)
+        self.words = curve.set_title(" ")
+        self.moving: list[Artist] = [self.dots, self.ellipse, self.title, self.law, self.here, self.words]
+
+    def update(self, distance: float, pixel_noise: float, focal_length: int) -> None:
+        """Distance [m] at a bearing of 0.15 rad; standard deviation of height and axis [px]; focal length [px]."""
+        camera = with_focal_length(focal_length)
+        pixels = project_cylinder(distance, 0.15, camera, HEIGHT, RADIUS, OFFSET)
+        height = np.maximum(pixels.height_px + pixel_noise * self.noise[:, 0], 1.0)
+        axis = pixels.axis_px + pixel_noise * self.noise[:, 1]
+        correct: dict[str, Any] = {"landmark_height": HEIGHT, "radius": RADIUS, "camera_offset": OFFSET}
+        d, b = range_bearing(height, axis, camera, **correct)
+        J = range_bearing_jacobian(pixels.height_px, pixels.axis_px, camera, **correct) * pixel_noise
+        J[1] *= distance  # an angle, as metres across the ray
+        self.dots.set_data(d - distance, distance * (b - 0.15))
+        self.ellipse.set_data(*ellipse(J @ J.T).T)
+        spread = float(np.sqrt((J @ J.T)[0, 0]))
+        self.title.set_text(f"at {distance:g} m: σ of the range {spread:.3f} m")
+        law = self.d**2 / (HEIGHT * focal_length)
+        self.law.set_data(self.d, law)
+        cost = distance**2 / (HEIGHT * focal_length)
+        self.here.set_data([distance], [cost])
+        self.words.set_text(f"d²/(h f) = {cost:.3f} m a pixel")
+
+
+def corrections_compared(distances: Array, errors: dict[str, Array], predicted: Array, pixel: Array) -> Figure:
+    """Range errors of rendered views, with and without corrections, over what geometry and one pixel predict."""
+    fig = plotting.figure(7.2, 3.9)
+    ax = plotting.axes(fig)
+    ax.fill_between(distances, -pixel, pixel, color=plotting.BAND, alpha=0.18, lw=0, label="± half a pixel of height")
+    ax.plot(distances, predicted, color=plotting.TRUTH, lw=1, ls="--", label="−radius/cos θ − offset: the geometry")
+    for (name, error), colour in zip(errors.items(), (plotting.MEASUREMENT, plotting.ESTIMATE), strict=False):
+        ax.plot(distances, error, ".", ms=5, color=colour, label=name)
+    ax.set(xlabel="distance [m]", ylabel="measured − true range [m]", ylim=(-0.45, 0.3))
+    ax.legend(ncols=2, loc="upper left")
+    return fig
+
+
+def bearing_of_the_mean_pixel(distances: tuple[float, ...] = (0.7, 1.0, 2.0, 4.0)) -> Figure:
+    """How far the mean of the two edge pixels points past the axis, over bearing, for a few distances."""
+    fig = plotting.figure(7.2, 3.6)
+    ax = plotting.axes(fig)
+    bearing = np.linspace(-0.6, 0.6, 121)
+    lines = [ax.plot(bearing, 1e3 * (mean_pixel_bearing(d, bearing) - bearing), label=f"{d:g} m")[0] for d in distances]
+    plotting.label_lines(ax, lines)
+    ax.axhline(0, color=plotting.BAND, lw=1.4)
+    ax.set(xlabel="true bearing [rad]", ylabel="bearing error [mrad]", xlim=(-0.6, 0.68))
+    ax.set_title("The mean of the pixels points too far out; the mean of the angles (green) is exact")
+    return fig

@@ -1,0 +1,137 @@
+"""Right and wrong answers to the exercises of Lab 2."""
+
+import math
+
+import numpy as np
+
+from tests.exercises.answers import Answers
+
+
+def stub(*arguments):
+    raise NotImplementedError
+
+
+def scaled_in_place(u, camera):
+    u -= camera.cx
+    return -np.arctan(u / camera.fx)
+
+
+def depth(height, camera, h):
+    return h * camera.fy / height
+
+
+def axis_point(height, axis, camera, h, r, offset):
+    """The axis in the robot's frame, right; the wrong answers spoil it."""
+    x = depth(height, camera, h) + r
+    return x + offset, x * (camera.cx - axis) / camera.fx
+
+
+def polar(x, y):
+    return math.hypot(x, y), math.atan2(y, x)
+
+
+def reference_position(height, axis, camera, h, r, offset):
+    return polar(*axis_point(height, axis, camera, h, r, offset))
+
+
+def complex_position(height, axis, camera, h, r, offset):
+    p = (h * camera.fy / height + r) * (1 + 1j * (camera.cx - axis) / camera.fx) + offset
+    return np.array([abs(p), np.angle(p)])
+
+
+def camera_bearing(height, axis, camera, h, r, offset):
+    return reference_position(height, axis, camera, h, r, offset)[0], math.atan((camera.cx - axis) / camera.fx)
+
+
+def wrong_lever(height, axis, camera, h, r, offset):
+    x = depth(height, camera, h) + r + offset
+    return polar(x, x * (camera.cx - axis) / camera.fx)
+
+
+ANSWERS = {
+    "lab02.bearing_of_column": Answers(
+        stub=stub,
+        reference=lambda u, camera: np.arctan((camera.cx - u) / camera.fx),
+        second=lambda u, camera: np.arctan2(camera.cx - np.asarray(u), camera.fx),
+        wrong={
+            "mirrored": (lambda u, camera: np.arctan((u - camera.cx) / camera.fx), "are mirrored"),
+            "tangent only": (lambda u, camera: (camera.cx - u) / camera.fx, "stopped at the tangent"),
+            "degrees": (lambda u, camera: np.degrees(np.arctan((camera.cx - u) / camera.fx)), "Those are degrees"),
+            "wrong focal length": (lambda u, camera: np.arctan((camera.cx - u) / camera.fy), "which of the two focal"),
+            "no principal point": (lambda u, camera: np.arctan(-u / camera.fx), "not at column 0"),
+            "half the width": (
+                lambda u, camera: np.arctan((camera.width / 2 - u) / camera.fx),
+                "not half of the width",
+            ),
+            "changed in place": (scaled_in_place, "changes its argument"),
+        },
+    ),
+    "lab02.range_from_height": Answers(
+        stub=stub,
+        reference=lambda height, theta, camera, h: h * camera.fy / (height * np.cos(theta)),
+        second=lambda height, theta, camera, h: depth(height, camera, h) * math.sqrt(1 + math.tan(theta) ** 2),
+        wrong={
+            "depth": (lambda n, theta, camera, h: depth(n, camera, h), "That is the depth"),
+            "the report's formula": (lambda n, theta, camera, h: depth(n, camera, h) * np.cos(theta), "wrong side"),
+            "wrong focal length": (lambda n, theta, camera, h: h * camera.fx / n / np.cos(theta), "belongs to rows"),
+            "sine": (lambda n, theta, camera, h: depth(n, camera, h) / np.sin(theta), "A sine belongs"),
+            "degrees": (lambda n, theta, camera, h: depth(n, camera, h) / np.cos(np.radians(theta)), "for degrees"),
+            "upside down": (lambda n, theta, camera, h: n / (h * camera.fy) / np.cos(theta), "upside down"),
+        },
+    ),
+    "lab02.axis_of_edges": Answers(
+        stub=stub,
+        reference=lambda left, right, camera: (camera.bearing(left) + camera.bearing(right)) / 2,
+        second=lambda left, right, camera: float(
+            np.mean(np.arctan2(camera.cx - np.array([left, right]), np.full(2, camera.fx)))
+        ),
+        wrong={
+            "mean pixel": (lambda a, b, camera: camera.bearing((a + b) / 2), "mean of the columns"),
+            "a column": (
+                lambda a, b, camera: camera.column((camera.bearing(a) + camera.bearing(b)) / 2),
+                "a column in pixels",
+            ),
+            "mirrored": (lambda a, b, camera: -(camera.bearing(a) + camera.bearing(b)) / 2, "wrong sign"),
+            "not halved": (lambda a, b, camera: camera.bearing(a) + camera.bearing(b), "forgot to halve"),
+            "half width": (lambda a, b, camera: (camera.bearing(a) - camera.bearing(b)) / 2, "how wide"),
+            "left edge": (lambda a, b, camera: camera.bearing(a), "left edge alone"),
+        },
+    ),
+    "lab02.cost_of_a_pixel": Answers(
+        stub=stub,
+        reference=lambda d, h, f: d**2 / (h * f),
+        second=lambda d, h, f: h * f / (h * f / d) ** 2,
+        wrong={
+            "linear": (lambda d, h, f: d / (h * f), "Linear in the distance"),
+            "height in pixels": (lambda d, h, f: h * f / d, "height of the landmark in pixels"),
+            "inverse": (lambda d, h, f: h * f / d**2, "pixels per metre"),
+            "signed": (lambda d, h, f: -(d**2) / (h * f), "The sign says"),
+            "height on top": (lambda d, h, f: d**2 * h / f, "both belong under"),
+            "finite step": (lambda d, h, f: h * f / (h * f / d - 1) - d, "one pixel *less*"),
+        },
+    ),
+    "lab02.robot_range_bearing": Answers(
+        stub=stub,
+        reference=reference_position,
+        second=complex_position,
+        wrong={
+            "near rim": (lambda n, u, c, h, r, o: reference_position(n, u, c, h, 0.0, o), "range to the near rim"),
+            "from the camera": (
+                lambda n, u, c, h, r, o: reference_position(n, u, c, h, r, 0.0),
+                "seen from the camera",
+            ),
+            "offset taken away": (
+                lambda n, u, c, h, r, o: reference_position(n, u, c, h, r, -o),
+                "do not take it away",
+            ),
+            "radius taken away": (
+                lambda n, u, c, h, r, o: reference_position(n, u, c, h, -r, o),
+                "the axis lies behind",
+            ),
+            "the camera's bearing": (camera_bearing, "still the camera's"),
+            "offset on the left, too": (wrong_lever, "along its own x only"),
+            "diameter": (lambda n, u, c, h, r, o: reference_position(n, u, c, h, 2 * r, o), "A full diameter"),
+            "range only": (lambda n, u, c, h, r, o: reference_position(n, u, c, h, r, o)[0], "Return two numbers"),
+        },
+    ),
+}
