@@ -43,12 +43,12 @@ nb_ipywidgets_js = {}  # explorers are plain HTML; no widget manager
 nb_code_prompt_show = "Show the code"
 nb_code_prompt_hide = "Hide the code"
 
-# --- equations: one file, from this site ------------------------------------------------------------------
-MATHJAX = distribution("sphinx-mathjax-offline").locate_file("sphinx-mathjax-offline/static/mathjax/tex-svg.js")
-mathjax_path = "tex-svg.js"
+# --- equations: one file, from this site, with every TeX package in it -------------------------------------
+MATHJAX = distribution("sphinx-mathjax-offline").locate_file("sphinx-mathjax-offline/static/mathjax/tex-svg-full.js")
+mathjax_path = "tex-svg-full.js"
 mathjax3_config = {
     "options": {"enableMenu": False},  # the menu would fetch parts that are not here
-    "loader": {"load": []},
+    "tex": {"packages": {"[-]": ["noerrors", "noundefined"]}},  # a mistake is to be seen, by the tests first of all
     "svg": {"fontCache": "global"},
 }
 
