@@ -1,0 +1,198 @@
+"""The checks of Lab 8: two frames, a homography's pose, a starved cloud, weights of a mixture, a doubtful cloud."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from coursekit.exercises import call, close, exercise, expect
+from coursekit.geometry import rotation, wrap_angle
+
+
+@exercise("lab08.odometry_from_image")
+def odometry_from_image(answer: Any, rng: np.random.Generator) -> None:
+    u, v = rng.uniform(100, 700, 2)
+    yaw = rng.uniform(-np.pi, -np.pi / 2)  # where π/2 - yaw leaves (-π, π]
+    got = call(answer, np.array([u, v, yaw]))
+    right = np.pi / 2 - yaw
+    close(
+        got,
+        [u, -v, wrap_angle(right)],
+        misconceptions={
+            "The heading is right but for whole turns: it has to lie in (-π, π].": [u, -v, right],
+            "v grows downwards on the picture and y upwards on the map of the odometry.": [u, v, wrap_angle(right)],
+            "Clockwise and anticlockwise: when the yaw grows, the other heading must shrink.": [
+                u,
+                -v,
+                wrap_angle(yaw + np.pi / 2),
+            ],
+            "North is zero for one and east for the other: a robot that heads north must not get heading zero.": [
+                u,
+                -v,
+                wrap_angle(-yaw),
+            ],
+            "A quarter turn, but the wrong way: test it with a robot that heads east.": [
+                u,
+                -v,
+                wrap_angle(-np.pi / 2 - yaw),
+            ],
+            "The axes are not swapped: east stays to the right in both frames.": [-v, u, wrap_angle(right)],
+        },
+        otherwise="Write down the pose of a robot that heads north, then of one that heads east, in both frames.",
+    )
+
+
+@exercise("lab08.pose_from_homography")
+def pose_from_homography(answer: Any, rng: np.random.Generator) -> None:
+    h, w = (int(n) for n in rng.integers(200, 500, 2))
+    yaw, scale, place = rng.uniform(0.3, 1.2), rng.uniform(0.8, 1.25), rng.uniform(500, 900, 2)
+    centre = np.array([w - 1, h - 1]) / 2
+    H = np.eye(3)
+    H[:2, :2] = scale * rotation(yaw)
+    H[:2, 2] = place - H[:2, :2] @ centre
+    H *= rng.uniform(0.3, 0.8)  # a homography is known up to a factor
+    got = call(answer, H, (h, w))
+    x, y = place
+    half = H[:2, :2] @ [w / 2, h / 2] / H[2, 2] + H[:2, 2] / H[2, 2]
+    swapped = H[:2, :2] @ centre[::-1] / H[2, 2] + H[:2, 2] / H[2, 2]
+    lost = H[:2, :2] @ centre + H[:2, 2]
+    close(
+        got,
+        [x, y, yaw],
+        misconceptions={
+            "Half a pixel off: pixel 0 is a pixel's centre, so the middle of 400 pixels is not at 200.": [*half, yaw],
+            "That is where the picture's corner lands; the camera looks out of its middle.": [
+                *(H[:2, 2] / H[2, 2]),
+                yaw,
+            ],
+            "A homography is known only up to a factor: divide by the third coordinate.": [*lost, yaw],
+            "A shape is (rows, columns), a point is (u, v): one of them has to be turned round.": [*swapped, yaw],
+            "The sense of rotation is the wrong one: v points down, so a positive angle is clockwise already.": [
+                x,
+                y,
+                -yaw,
+            ],
+            "That is the angle from the other axis: which entry of the first column is the cosine?": [
+                x,
+                y,
+                np.arctan2(H[0, 0], H[1, 0]),
+            ],
+            "A homography's entry is scale times cosine; the arc cosine of it needs the scale taken out.": [
+                x,
+                y,
+                np.arccos(np.clip(H[0, 0] / H[2, 2], -1, 1)),
+            ],
+        },
+        otherwise="Send the middle of the picture through H, then look at where H sends the direction (1, 0).",
+    )
+
+
+@exercise("lab08.effective_share")
+def effective_share(answer: Any, rng: np.random.Generator) -> None:
+    cloud, fix = rng.uniform(1.0, 5.0, 3), rng.uniform(0.05, 0.4, 3)
+    got = call(answer, cloud, fix)
+    each = fix * np.sqrt(fix**2 + 2 * cloud**2) / (fix**2 + cloud**2)
+    close(
+        got,
+        np.prod(each),
+        misconceptions={
+            "That is the share along each axis; a particle has to be near the fix along all of them at once.": each,
+            "Independent axes multiply, they do not add.": np.sum(each),
+            "The mean over the axes? A particle has to be near the fix along all of them at once.": np.mean(each),
+            "That is the mean weight at the cloud's width, E[w]; the effective share is E[w]² / E[w²].": np.prod(
+                fix / np.sqrt(fix**2 + cloud**2)
+            ),
+            "Nearly, for a sharp fix: that is the limit, and the exact expression is as short.": np.prod(
+                np.sqrt(2) * fix / cloud
+            ),
+            "The two spreads have changed places: a sharper fix must leave fewer.": np.prod(
+                cloud * np.sqrt(cloud**2 + 2 * fix**2) / (fix**2 + cloud**2)
+            ),
+            "Upside down: that is how many particles one effective one costs.": 1 / np.prod(each),
+        },
+        otherwise="Do one axis first: E[w] and E[w²] are integrals of a Gaussian times a Gaussian.",
+        tolerance=1e-5,
+    )
+
+
+@exercise("lab08.mixture_log_weights")
+def mixture_log_weights(answer: Any, rng: np.random.Generator) -> None:
+    n, share = 20, float(rng.uniform(0.2, 0.45))
+    log_prior, log_fix = rng.normal(-12, 2, n), rng.normal(-9, 3, n)
+    log_prior[:3], log_fix[:3] = -900.0, -880.0  # far from both: exp underflows
+    log_likelihood = np.logaddexp(np.log(0.98) + log_fix, np.log(0.02) - 16)
+    got = call(answer, log_prior, log_fix, log_likelihood, share)
+    top = log_prior + log_likelihood
+
+    def below(a: float, b: float) -> Any:
+        return np.logaddexp(np.log(a) + log_prior, np.log(b) + log_fix)
+
+    with np.errstate(divide="ignore", invalid="ignore"):
+        naive = np.log(np.exp(log_prior) * np.exp(log_likelihood)
+                       / ((1 - share) * np.exp(log_prior) + share * np.exp(log_fix)))  # fmt: skip
+    expected = top - below(1 - share, share)
+    hints = {
+        "Zero over zero: the densities underflowed. logaddexp adds two numbers that live in logs.": naive,
+        "The shares have changed places: which part of the particles came from the fix?": top - below(share, 1 - share),
+        "Every particle came from one of two sources: leave out neither in the denominator.": top - log_fix,
+        "That is the plain filter: what came from the fix would not pay for its source.": log_likelihood,
+        "Half the answer: the particles pay for their source, but nobody asked the motion.": log_likelihood
+        - below(1 - share, share),
+        "The measurement is missing from the numerator.": log_prior - below(1 - share, share),
+        "A sum of densities is no sum of logs: that is their geometric mean.": top
+        - ((1 - share) * log_prior + share * log_fix),
+        "Those are the weights; the caller asked for their logs.": np.exp(expected),
+    }
+    got_array = np.asarray(got, dtype=float)
+    if got_array.shape == expected.shape:  # a common constant does not matter, and neither do hints about it
+        got = (
+            got_array - np.nan_to_num(got_array[-1] - expected[-1])
+            if _differ_by_a_constant(got_array, expected)
+            else got
+        )
+    close(
+        got,
+        expected,
+        misconceptions=hints,
+        otherwise="Write w = target / proposal with the target prior × likelihood, then take the logarithm.",
+        tolerance=1e-8,
+    )
+
+
+def _differ_by_a_constant(a: Any, b: Any) -> bool:
+    difference = a - b
+    return bool(np.all(np.isfinite(difference)) and np.ptp(difference) < 1e-8)
+
+
+@exercise("lab08.best_estimate")
+def best_estimate(answer: Any, rng: np.random.Generator) -> None:
+    heavy, light = rng.uniform(200, 800, 2), rng.uniform(1500, 2300, 2)
+    few, many = 60, 340
+    spread = np.array([4.0, 4.0, 0.15])
+    states = np.vstack([
+        [*heavy, np.pi] + spread * rng.standard_normal((few, 3)),
+        [*light, 0.5] + 6 * spread * rng.standard_normal((many, 3)),
+        [2500.0, 20.0, 1.0] + 0.01 * rng.standard_normal((1, 3)),
+    ])  # fmt: skip
+    states[:, 2] = wrap_angle(states[:, 2])
+    weights = np.concatenate([np.full(few, 0.58 / few), np.full(many, 0.39 / many), [0.03]])
+    order = rng.permutation(len(weights))
+    states, weights = states[order], weights[order]
+    got = np.asarray(call(answer, states, weights), dtype=float)
+    expect(got.shape == (3,), f"A pose [x, y, θ] is wanted, of shape (3,); yours has {got.shape}.")
+    expect(bool(np.all(np.isfinite(got))), "Some of your numbers are NaN or infinite.")
+
+    def at(place: Any, reach: float) -> bool:
+        return bool(np.hypot(*(got[:2] - place)) < reach)
+
+    expect(not at(states[np.argmax(weights), :2], 1.0), "That is the particle of greatest weight: it stands alone, and "
+           "nearly all of the belief lies elsewhere.")  # fmt: skip
+    expect(not at(weights @ states[:, :2], 30.0), "That is the mean of the whole cloud: the robot is surely not there.")
+    expect(not at(states[:, :2].mean(axis=0), 30.0), "Your mean takes no notice of the weights.")
+    expect(not at(np.median(states[:, :2], axis=0), 60.0) and not at(light, 60.0), "You went where the most particles "
+           "are; go where the most weight is.")  # fmt: skip
+    expect(at(heavy, 40.0), "Group the particles by place, sum the weight of each group, and stay with the heaviest.")
+    expect(at(heavy, 3.0), "The right group, but one particle of it: its mean would wander less.")
+    expect(abs(float(wrap_angle(got[2] - np.pi))) < 0.15, "The place is right. The headings lie on both sides of ±π, "
+           "where a plain mean points backwards.")  # fmt: skip

@@ -1,0 +1,186 @@
+"""Lab 8: who must pass, who must fail, and with which hint."""
+
+import numpy as np
+from scipy.special import logsumexp
+
+from coursekit import visual
+from coursekit.geometry import wrap_angle
+from coursekit.particles import Particles
+from tests.exercises.answers import Answers
+
+
+def stub(*arguments):
+    raise NotImplementedError
+
+
+def by_hand(pose):
+    u, v, yaw = pose
+    theta = np.pi / 2 - yaw
+    return np.array([u, -v, np.arctan2(np.sin(theta), np.cos(theta))])
+
+
+def frame(flip=-1, theta=lambda yaw: wrap_angle(np.pi / 2 - yaw), swap=False):
+    def convert(pose):
+        u, v, yaw = pose
+        return np.array([flip * v, u, theta(yaw)]) if swap else np.array([u, flip * v, theta(yaw)])
+
+    return convert
+
+
+def through(H, u, v):
+    x, y, w = H @ [u, v, 1.0]
+    return np.array([x / w, y / w])
+
+
+def from_homography(centre=lambda h, w: ((w - 1) / 2, (h - 1) / 2), yaw=lambda H: np.arctan2(H[1, 0], H[0, 0])):
+    def pose(H, shape):
+        return np.array([*through(H, *centre(*shape)), yaw(H)])
+
+    return pose
+
+
+def by_corners(H, shape):
+    h, w = shape
+    corners = [through(H, u, v) for u in (0, w - 1) for v in (0, h - 1)]
+    ahead = through(H, (w - 1) / 2, 0) - np.mean(corners, axis=0)
+    return np.array([*np.mean(corners, axis=0), np.arctan2(ahead[0], -ahead[1])])
+
+
+def not_divided(H, shape):
+    h, w = shape
+    return np.array([*(H @ [(w - 1) / 2, (h - 1) / 2, 1.0])[:2], np.arctan2(H[1, 0], H[0, 0])])
+
+
+def share(cloud, fix):
+    return np.prod(fix * np.sqrt(fix**2 + 2 * cloud**2) / (fix**2 + cloud**2))
+
+
+def share_by_quadrature(cloud, fix):
+    t, dt = np.linspace(-9, 9, 40_001, retstep=True)
+    total = 1.0
+    for c, f in zip(cloud, fix):
+        p, w = np.exp(-0.5 * t**2) / np.sqrt(2 * np.pi), np.exp(-0.5 * (t * c / f) ** 2)
+        total *= (np.sum(p * w) * dt) ** 2 / (np.sum(p * w**2) * dt)
+    return total
+
+
+def mixture(log_prior, log_fix, log_likelihood, share):
+    return log_prior + log_likelihood - np.logaddexp(np.log1p(-share) + log_prior, np.log(share) + log_fix)
+
+
+def mixture_normalised(log_prior, log_fix, log_likelihood, share):
+    below = logsumexp([log_prior, log_fix], axis=0, b=[[1 - share], [share]])
+    logs = log_prior + log_likelihood - below
+    return logs - logsumexp(logs)
+
+
+def underflowing(log_prior, log_fix, log_likelihood, share):
+    with np.errstate(all="ignore"):
+        below = (1 - share) * np.exp(log_prior) + share * np.exp(log_fix)
+        return np.log(np.exp(log_prior) * np.exp(log_likelihood) / below)
+
+
+def clump(states, weights):
+    return visual.mode(Particles(states, np.log(weights), angles=(2,))).mean
+
+
+def grid(states, weights, cell=60.0, heading=None, best=None):
+    keys = np.floor(states[:, :2] / cell).astype(int)
+    places, index = np.unique(keys, axis=0, return_inverse=True)
+    mass = np.bincount(index.ravel(), weights=weights)
+    centre = (places[mass.argmax()] + 0.5) * cell
+    for _ in range(5):
+        near = np.hypot(*(states[:, :2] - centre).T) < cell
+        centre = np.average(states[near, :2], axis=0, weights=weights[near])
+    if best is not None:
+        return best(states[near], weights[near])
+    s, c = (np.average(f(states[near, 2]), weights=weights[near]) for f in (np.sin, np.cos))
+    theta = np.arctan2(s, c) if heading is None else heading(states[near], weights[near])
+    return np.array([*centre, theta])
+
+
+ANSWERS = {
+    "lab08.odometry_from_image": Answers(
+        stub=stub,
+        reference=visual.odometry_from_image,
+        second=by_hand,
+        wrong={
+            "not wrapped": (frame(theta=lambda yaw: np.pi / 2 - yaw), "but for whole turns"),
+            "v kept": (frame(flip=1), "v grows downwards"),
+            "sense of rotation kept": (frame(theta=lambda yaw: wrap_angle(yaw + np.pi / 2)), "must shrink"),
+            "zero kept": (frame(theta=lambda yaw: wrap_angle(-yaw)), "must not get heading zero"),
+            "quarter turn the wrong way": (frame(theta=lambda yaw: wrap_angle(-np.pi / 2 - yaw)), "the wrong way"),
+            "axes swapped": (frame(swap=True), "not swapped"),
+        },
+    ),
+    "lab08.pose_from_homography": Answers(
+        stub=stub,
+        reference=from_homography(),
+        second=by_corners,
+        wrong={
+            "half a pixel": (from_homography(lambda h, w: (w / 2, h / 2)), "Half a pixel off"),
+            "the corner": (from_homography(lambda h, w: (0, 0)), "corner lands"),
+            "no division": (not_divided, "up to a factor"),
+            "rows first": (from_homography(lambda h, w: ((h - 1) / 2, (w - 1) / 2)), "one of them has to be turned"),
+            "anticlockwise": (from_homography(yaw=lambda H: np.arctan2(-H[1, 0], H[0, 0])), "clockwise already"),
+            "arguments of arctan2": (from_homography(yaw=lambda H: np.arctan2(H[0, 0], H[1, 0])), "is the cosine?"),
+            "arc cosine": (
+                from_homography(yaw=lambda H: np.arccos(np.clip(H[0, 0] / H[2, 2], -1, 1))),
+                "needs the scale taken out",
+            ),
+        },
+    ),
+    "lab08.effective_share": Answers(
+        stub=stub,
+        reference=share,
+        second=share_by_quadrature,
+        wrong={
+            "one for each axis": (
+                lambda c, f: f * np.sqrt(f**2 + 2 * c**2) / (f**2 + c**2),
+                "the share along each axis",
+            ),
+            "sum": (lambda c, f: np.sum(f * np.sqrt(f**2 + 2 * c**2) / (f**2 + c**2)), "do not add"),
+            "mean": (lambda c, f: np.mean(f * np.sqrt(f**2 + 2 * c**2) / (f**2 + c**2)), "The mean over the axes?"),
+            "mean weight": (lambda c, f: np.prod(f / np.sqrt(f**2 + c**2)), "E[w]² / E[w²]"),
+            "limit": (lambda c, f: np.prod(np.sqrt(2) * f / c), "that is the limit"),
+            "swapped": (lambda c, f: share(f, c), "changed places"),
+            "inverse": (lambda c, f: 1 / share(c, f), "Upside down"),
+        },
+    ),
+    "lab08.mixture_log_weights": Answers(
+        stub=stub,
+        reference=mixture,
+        second=mixture_normalised,
+        wrong={
+            "underflow": (underflowing, "Zero over zero"),
+            "shares swapped": (lambda p, f, z, s: mixture(p, f, z, 1 - s), "shares have changed places"),
+            "only the fix below": (lambda p, f, z, s: p + z - f, "leave out neither"),
+            "plain filter": (lambda p, f, z, s: z.copy(), "the plain filter"),
+            "no prior": (lambda p, f, z, s: mixture(p, f, z, s) - p, "nobody asked the motion"),
+            "no likelihood": (lambda p, f, z, s: mixture(p, f, z, s) - z, "missing from the numerator"),
+            "sum of logs": (lambda p, f, z, s: p + z - (1 - s) * p - s * f, "geometric mean"),
+            "weights": (lambda p, f, z, s: np.exp(mixture(p, f, z, s)), "asked for their logs"),
+        },
+    ),
+    "lab08.best_estimate": Answers(
+        stub=stub,
+        reference=clump,
+        second=grid,
+        wrong={
+            "greatest weight": (lambda s, w: s[np.argmax(w)].copy(), "particle of greatest weight"),
+            "mean": (lambda s, w: w @ s, "mean of the whole cloud"),
+            "plain mean": (lambda s, w: s.mean(axis=0), "no notice of the weights"),
+            "most particles": (lambda s, w: grid(s, np.full(len(w), 1 / len(w))), "go where the most weight is"),
+            "one of the group": (
+                lambda s, w: grid(
+                    s, w, best=lambda near, _: near[np.argmax(np.hypot(*(near - near.mean(0))[:, :2].T))]
+                ),
+                "one particle of it",
+            ),
+            "plain mean of headings": (
+                lambda s, w: grid(s, w, heading=lambda near, v: np.average(near[:, 2], weights=v)),
+                "points backwards",
+            ),
+        },
+    ),
+}
