@@ -153,7 +153,7 @@ def corrections_compared(distances: Array, errors: dict[str, Array], predicted: 
     """Range errors of rendered views, with and without corrections, over what geometry and one pixel predict."""
     fig = plotting.figure(7.2, 3.9)
     ax = plotting.axes(fig)
-    ax.fill_between(distances, -pixel, pixel, color=plotting.BAND, alpha=0.18, lw=0, label="± half a pixel of height")
+    ax.fill_between(distances, -pixel, pixel, color=plotting.BAND, alpha=0.18, lw=0, label="± a tenth of a pixel of height")
     ax.plot(distances, predicted, color=plotting.TRUTH, lw=1, ls="--", label="−radius/cos θ − offset: the geometry")
     for (name, error), colour in zip(errors.items(), (plotting.MEASUREMENT, plotting.ESTIMATE), strict=False):
         ax.plot(distances, error, ".", ms=5, color=colour, label=name)
@@ -162,7 +162,7 @@ def corrections_compared(distances: Array, errors: dict[str, Array], predicted: 
     return fig
 
 
-def bearing_of_the_mean_pixel(distances: tuple[float, ...] = (0.7, 1.0, 2.0, 4.0)) -> Figure:
+def bearing_of_the_mean_pixel(distances: tuple[float, ...] = (0.7, 1.0, 2.0)) -> Figure:
     """How far the mean of the two edge pixels points past the axis, over bearing, for a few distances."""
     fig = plotting.figure(7.2, 3.6)
     ax = plotting.axes(fig)
