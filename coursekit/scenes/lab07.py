@@ -259,18 +259,47 @@ class NoiseModels:
         )
 
 
+def banana(cloud: Particles, fix: Array) -> Figure:
+    """Where the robot may be, the ellipse of its mean and covariance, and the fix that is about to arrive."""
+    fig = plotting.figure(7.2, 4.2)
+    ax = plotting.axes(fig)
+    ax.plot(*planned_path(10)[:, :2].T, color=plotting.ODOMETRY, lw=1, ls="--", label="path of perfect wheels")
+    ax.plot(*cloud.states[:, :2].T, ".", color=plotting.PREDICTION, ms=2, alpha=0.4)
+    ax.plot([], [], "o", color=plotting.PREDICTION, ms=4, label=f"{len(cloud)} guesses after 10 s")
+    ax.plot(*_ellipse(cloud).T, color=plotting.TRUTH, lw=1.4, label="95 % ellipse of their covariance")
+    ax.plot(*(fix + gaussian.ellipse(FIX.R)).T, color=plotting.MEASUREMENT, label="the fix, 95 %")
+    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", xlim=(-1.8, 3.6), ylim=(-0.3, 4.3))
+    ax.set_title("How many of these guesses survive the fix?", loc="left")
+    ax.legend(loc="lower left")
+    return fig
+
+
 def error_against_particles(errors: dict[str, dict[int, float]]) -> Figure:
-    """RMS error of the posterior mean for each number of particles, a line for each resampler, with 1/√n."""
-    fig = plotting.figure(6.4, 3.8)
+    """RMS error of a mean for each number of particles, a line for each resampler, with 1/√n."""
+    fig = plotting.figure(6.6, 3.8)
     ax = plotting.axes(fig)
     for name, by_n in errors.items():
         ax.plot(list(by_n), [1000 * e for e in by_n.values()], ".-", label=name)
     n = np.array(list(next(iter(errors.values()))), dtype=float)
-    first = 1000 * max(e[int(n[0])] for e in errors.values())
+    first = 1200 * max(e[int(n[0])] for e in errors.values())
     ax.plot(n, first * np.sqrt(n[0] / n), color=plotting.TRUTH, lw=1, ls="--", label="1/√n")
     ax.set(xscale="log", yscale="log", xlabel="particles", ylabel="RMS error of the mean [mm]")
     ax.set_title("Four times the particles, half the error", loc="left")
     ax.legend(ncols=2)
+    return fig
+
+
+def mean_copies(weights: Array, methods: dict[str, Any], draws: int = 3000) -> Figure:
+    """Mean copies of each particle, wrong beside right, against n times its weight."""
+    fig = plotting.figure(7.2, 3.4)
+    ax = plotting.axes(fig)
+    rng, n = np.random.default_rng(0), weights.size
+    ax.bar(range(n), n * weights, color="#d9e6ef", width=0.9, label="n × weight")
+    for marker, colour, (name, method) in zip("Do", (plotting.MEASUREMENT, plotting.ESTIMATE), methods.items()):
+        copies = np.mean([np.bincount(method(weights, rng), minlength=n) for _ in range(draws)], axis=0)
+        ax.plot(range(n), copies, marker, color=colour, ms=5, label=name)
+    ax.set(xlabel="particle", ylabel=f"mean copies, {draws} draws")
+    ax.legend(loc="upper right" if weights[0] > weights[-1] else "upper left")
     return fig
 
 

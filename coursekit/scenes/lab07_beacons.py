@@ -1,0 +1,76 @@
+"""Lab 7's second half: a robot that is lost in the lab, six radio beacons, and pictures of how it is found."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.figure import Figure
+
+from coursekit import gaussian, plotting
+from coursekit.geometry import Array
+from coursekit.particles import Particles
+from coursekit.world.arena import Arena
+from coursekit.world.robot import World
+
+
+@dataclass(frozen=True)
+class Leg:
+    """Half a second of a drive among beacons.  controls (10, 2): odometry [v, ω] of each 0.05 s; sigmas (10, 2):
+    its standard deviations; ranges (6,) m to the beacons at the end; truth (3,): the pose then."""
+
+    controls: Array
+    sigmas: Array
+    ranges: Array
+    truth: Array
+
+
+LAB = Arena.load("lab")
+BEACONS = np.array([cylinder.position for cylinder in LAB.cylinders])
+BEACON_SIGMA, TICK = 0.3, 0.05
+
+
+def drive_among_beacons(rng: np.random.Generator, seconds: float = 12.0) -> list[Leg]:
+    """The world's robot on a circle; six cylinders of the lab carry radios that tell a range, good to 0.3 m."""
+    world, legs = World(LAB, rng), []
+    for _ in range(round(seconds / (10 * TICK))):
+        controls = []
+        for _ in range(10):
+            world.step(0.35, 0.4)
+            controls.append(world.odometry)
+        sigmas = [np.sqrt(np.diag(world.robot.odometry_cov(float(v), float(omega), TICK))) for v, omega in controls]
+        ranges = np.linalg.norm(BEACONS - world.pose[:2], axis=1) + BEACON_SIGMA * rng.standard_normal(len(BEACONS))
+        legs.append(Leg(np.array(controls), np.array(sigmas), ranges, world.pose))
+    return legs
+
+
+def found_robot(history: list[tuple[Particles, Array]], legs: tuple[int, ...] = (0, 2, 9)) -> Figure:
+    """Some of the cloud after some of the legs, as arrows in the lab's plan, with the truth."""
+    fig = plotting.figure(8.4, 3.0)
+    for ax, k in zip(plotting.axes(fig, 1, len(legs), sharey=True), legs):
+        cloud, truth = history[k]
+        x, y, heading = cloud.states[np.random.default_rng(k).choice(len(cloud), size=150, p=cloud.weights)].T
+        plotting.draw_arena(ax, LAB)
+        plotting.draw_robot(ax, truth, colour=plotting.TRUTH, size=0.6)
+        ax.quiver(x, y, np.cos(heading), np.sin(heading), color=plotting.ESTIMATE, angles="xy", scale=16, width=0.005,
+                  alpha=0.7, zorder=6)  # fmt: skip
+        ax.set(xlim=(-2.6, 2.6), ylim=(-2.2, 2.6), ylabel="y [m]" if k == legs[0] else "")
+        ax.set_title(f"{(k + 1) / 2:g} s: {len(cloud):,d} particles", loc="left")
+    return fig
+
+
+def nees_of(values: dict[str, Array]) -> Figure:
+    """Average NEES over runs against time for some filters, (runs, steps) each, with the two-sided band."""
+    fig = plotting.figure(7.2, 3.4)
+    ax = plotting.axes(fig)
+    for (name, nees), colour in zip(values.items(), (plotting.MEASUREMENT, plotting.ESTIMATE)):
+        seconds = 0.5 * np.arange(1, nees.shape[1] + 1)
+        ax.plot(seconds, nees.mean(axis=0), ".-", color=colour, label=name)
+    low, high = gaussian.chi2_band(3, runs=len(nees))
+    ax.axhspan(low, high, color=plotting.BAND, alpha=0.2, lw=0, label=f"95 % band, {len(nees)} runs")
+    ax.set(yscale="log", xlabel="time [s]", ylabel="average NEES of the pose")
+    ax.set_yticks([1, 3, 10, 30, 100], ["1", "3", "10", "30", "100"])
+    ax.set_yticks([], minor=True)
+    ax.set_title("Too few particles at the start: sure, and wrong", loc="left")
+    ax.legend()
+    return fig
