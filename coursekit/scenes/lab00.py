@@ -23,17 +23,17 @@ from coursekit.world.pilot import drive
 from coursekit.world.robot import Robot, World
 
 WAYPOINTS = [(2.2, -0.7), (2.4, 0.8), (0.6, 1.4), (-2.1, 1.3), (-2.0, -0.4), (-1.9, -2.0)]
-CREEPS = (0.01, 0.03, 0.08)
+CREEPS = (1, 3, 8)  # wheel noise in per cent of a wheel's speed
 SPEED, PERIOD = 0.5, 0.05
 RADIUS_SQUARED = -2 * np.log(0.05)  # of the 95 % ellipse of a planar Gaussian; the lab derives it
+ARC = DifferentialDrive()
 START = np.diag(np.square([1e-3, 1e-3, 1e-3]))  # nobody sets a robot down more exactly than to a millimetre
 
 
 def reckon(pose: Array, P: Array, u: Array, robot: Robot, dt: float) -> tuple[Array, Array]:
     """One step of dead reckoning: the pose (3,) and its covariance after odometry u = [v, ω], to first order."""
-    arc = DifferentialDrive()
-    F, G, M = arc.F(pose, u, dt), arc.G(pose, u, dt), robot.odometry_cov(float(u[0]), float(u[1]), dt)
-    return arc.f(pose, u, dt), symmetrize(F @ P @ F.T + G @ M @ G.T)
+    F, G, M = ARC.F(pose, u, dt), ARC.G(pose, u, dt), robot.odometry_cov(float(u[0]), float(u[1]), dt)
+    return ARC.f(pose, u, dt), symmetrize(F @ P @ F.T + G @ M @ G.T)
 
 
 class Stage:
@@ -71,7 +71,7 @@ class Stage:
 @cache
 def _recording(creep: float) -> tuple[Array, Array, Array, Array]:
     """Truth (n + 1, 3), dead reckoning, its covariances, and the crates (n + 1, k, 3) of one drive."""
-    world = World(Arena.load("lab"), seed=8, robot=Robot(slip=creep), dt=PERIOD)
+    world = World(Arena.load("lab"), seed=8, robot=Robot(slip=creep / 100), dt=PERIOD)
     truth, crates, odometry = [world.pose], [world.crates], []
     for _ in drive(world, WAYPOINTS):
         truth.append(world.pose)
@@ -86,7 +86,7 @@ def _recording(creep: float) -> tuple[Array, Array, Array, Array]:
 
 
 class RecordedDrive(Stage):
-    """One drive through the lab, replayed: ``time`` in seconds, ``creep`` the wheels' noise as a share of speed."""
+    """One drive through the lab, replayed: ``time`` in seconds, ``creep`` the wheels' noise in per cent."""
 
     def __init__(self) -> None:
         super().__init__(Arena.load("lab"))
@@ -115,19 +115,19 @@ class RecordedDrive(Stage):
 def endings(creep: float, omega: float, times: Iterable[float], runs: int = 10_000, seed: int = 0) -> dict[float, Any]:
     """Where ``runs`` robots are at each of the times, and what linear algebra says about it.
 
-    Each starts at [0, 0, 0] with the command [0.5 m/s, omega]; its wheels creep by ``creep`` of their speed, anew in
-    each control period.  Returns time → (endings (runs, 3), mean (3,), covariance (3, 3)).
+    Each starts at [0, 0, 0] with the command [0.5 m/s, omega]; its wheels creep by ``creep`` per cent of their speed,
+    anew in each control period.  Returns time → (endings (runs, 3), mean (3,), covariance (3, 3)).
     """
     # Five periods at a time: the mean of five creeps is one creep, smaller by √5.
-    robot, dt, rng = Robot(slip=creep / np.sqrt(5)), 5 * PERIOD, np.random.default_rng(seed)
-    arc, u, M = DifferentialDrive(), np.array([SPEED, omega]), robot.odometry_cov(SPEED, omega, 5 * PERIOD)
+    robot, dt, rng = Robot(slip=creep / 100 / np.sqrt(5)), 5 * PERIOD, np.random.default_rng(seed)
+    u, M = np.array([SPEED, omega]), robot.odometry_cov(SPEED, omega, 5 * PERIOD)
     steps, found = round(max(times) / dt), {}
     noise = rng.standard_normal((steps, runs, 2)) @ np.linalg.cholesky(M).T
     cloud, mean, P = np.zeros((runs, 3)), np.zeros(3), np.zeros((3, 3))
     for k in range(steps):
-        F, G = arc.F(mean, u, dt), arc.G(mean, u, dt)
-        P, mean = F @ P @ F.T + G @ M @ G.T, arc.f(mean, u, dt)
-        cloud = arc.f(cloud, u + noise[k], dt)
+        F, G = ARC.F(mean, u, dt), ARC.G(mean, u, dt)
+        P, mean = F @ P @ F.T + G @ M @ G.T, ARC.f(mean, u, dt)
+        cloud = ARC.f(cloud, u + noise[k], dt)
         for time in times:
             if round(time / dt) == k + 1:
                 found[time] = cloud, mean, P
@@ -138,7 +138,7 @@ class Endings:
     """Clouds of endings beside their ellipse: in metres, and in units of the ellipse, where a Gaussian is round."""
 
     TIMES = (2, 4, 6, 8, 10, 12, 15, 20)
-    CREEPS = (0.01, 0.02, 0.03, 0.05, 0.08)
+    CREEPS = (1, 2, 3, 5, 8)
     TURNS = (0.0, 0.3, 0.6)
     SHOWN = 1000
 
@@ -169,10 +169,10 @@ class Endings:
         self.title = self.left.set_title("endings", loc="left")
         self.bend = self.right.set_title("bend", loc="left")
         self.moving = [self.cloud, self.contour, self.path, self.round, self.title, self.bend]
-        self.update(time=10, creep=0.03, turn=0.0)
+        self.update(time=10, creep=3, turn=0.0)
 
     def update(self, time: float, creep: float, turn: float) -> None:
-        """Show the endings after ``time`` s with a wheel noise ``creep`` and a turn rate ``turn`` in rad/s."""
+        """Show the endings after ``time`` s, with wheel noise ``creep`` in per cent and turn rate ``turn`` in rad/s."""
         cloud, contour, path, round_cloud, share, bend = self.frames[time, creep, turn]
         self.cloud.set_data(*cloud)
         self.contour.set_data(*contour)
@@ -201,7 +201,7 @@ def _whitened(cloud: Array, mean: Array, P: Array) -> Array:
 
 def _arc(turn: float, time: float) -> Array:
     moments = np.linspace(1e-3, time, 60)
-    return np.array([DifferentialDrive().f(np.zeros(3), [SPEED, turn], t)[:2] for t in moments])
+    return np.array([ARC.f(np.zeros(3), [SPEED, turn], t)[:2] for t in moments])
 
 
 class DriveYourself:
@@ -284,3 +284,56 @@ class DriveYourself:
             words = "In JupyterLab a robot waits here for you to drive it. On this page, watch a recorded drive below."
             return {"text/markdown": f"*{words}*", "text/plain": words}
         return self.widget()._repr_mimebundle_(**kwargs)
+
+
+def guesses() -> Figure:
+    """Three answers to the lab's first question, drawn one above the other."""
+    fig = plotting.figure(7.2, 3.3)
+    ax = plotting.axes(fig)
+    answers = {"A": (0.5, 0.5), "B": (0.9, 0.15), "C": (0.05, 0.55)}
+    for row, (name, (along, across)) in zip((2.8, 0.0, -2.8), answers.items(), strict=True):
+        ax.plot([0, 10], [row, row], color=plotting.ODOMETRY, ls="--", lw=1)
+        plotting.draw_robot(ax, [0, row, 0], plotting.TRUTH, size=0.6)
+        plotting.draw_ellipse(ax, [10, row], np.diag([along**2, across**2]), plotting.HIGHLIGHT)
+        ax.text(-0.9, row, name, ha="center", va="center", fontsize=14, weight="bold")
+    ax.set(xlim=(-1.6, 13), ylim=(-4.5, 4.5), aspect="equal", xlabel="x [m]", yticks=[])
+    ax.set_title("Told: straight ahead, 0.5 m/s, 20 s. Where is it?", loc="left")
+    return fig
+
+
+def collapse(curves: dict[str, tuple[Array, Array]], runs: int) -> Figure:
+    """Containment against turn noise × distance in track widths, one curve (n,), (n,) for each robot."""
+    fig = plotting.figure(7.2, 4.0)
+    ax = plotting.axes(fig)
+    spread = 2 * np.sqrt(0.95 * 0.05 / runs)
+    ax.axhspan(0.95 - spread, 0.95 + spread, color=plotting.BAND, alpha=0.25, lw=0)
+    for (name, (bend, share)), marker in zip(curves.items(), "os^", strict=False):
+        ax.plot(bend, share, marker=marker, ms=5, lw=1, label=name)
+    ax.set(xscale="log", xlabel="turn noise × distance [track widths]", ylabel="share inside the 95 % ellipse")
+    ax.set_title("Three robots, one curve: when the banana bends, the ellipse breaks its promise", loc="left")
+    ax.legend(loc="lower left")
+    return fig
+
+
+def broken(squared_radii: dict[str, float], tracks: dict[str, Array]) -> Figure:
+    """Two exhibits: ellipses of some squared radii over a cloud, and half circles (n, 3) stepped in some ways."""
+    fig = plotting.figure(7.4, 3.8)
+    left, right = plotting.axes(fig, 1, 2)
+    draws = np.random.default_rng(3).standard_normal((20_000, 2))
+    left.plot(*draws[:2000].T, ls="none", marker=".", ms=2.5, color=plotting.ODOMETRY, mew=0)
+    circle = ellipse(np.eye(2)) / np.sqrt(RADIUS_SQUARED)
+    colours = (plotting.MEASUREMENT, plotting.ESTIMATE)
+    for (name, squared), colour in zip(squared_radii.items(), colours, strict=True):
+        share = np.mean(np.sum(draws**2, axis=1) <= squared)
+        left.plot(*(np.sqrt(squared) * circle).T, color=colour, label=f"{name}: {share:.0%} inside")
+    left.set(aspect="equal", xlim=(-4, 4), ylim=(-4, 5.4), xlabel="standard deviations", ylabel="standard deviations")
+    left.set_title("An ellipse sold as 95 %", loc="left")
+    left.legend(loc="upper center")
+    for (name, track), colour in zip(tracks.items(), colours, strict=True):
+        right.plot(*track[:, :2].T, "o-", ms=4, color=colour, label=name)
+    turn = np.linspace(0, np.pi, 60)
+    right.plot(np.sin(turn), 1 - np.cos(turn), color=plotting.TRUTH, lw=1, ls="--", label="the truth")
+    right.set(aspect="equal", xlim=(-0.4, 1.8), ylim=(-0.3, 2.9), xlabel="x [m]", ylabel="y [m]")
+    right.set_title("Half a circle in ten steps", loc="left")
+    right.legend(loc="upper right")
+    return fig
