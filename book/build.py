@@ -1,7 +1,7 @@
 """Build the book: run the labs, gather the sources, hand them to Sphinx.
 
     python book/build.py                     everything, into book/_build/html
-    python book/build.py --only 03           while writing Lab 3: that lab alone, in the same place
+    python book/build.py --only 03           while writing Lab 3: only that lab is run
 
 Every warning is an error.  See ``execute`` for what is run again and when.
 """
@@ -23,7 +23,7 @@ from sphinx.cmd.build import main as sphinx
 
 sys.path.insert(0, str(Path(__file__).parent))
 import cover
-from execute import ROOT, LabFailed, execute
+from execute import ROOT, LabFailed, execute, read
 
 BOOK = ROOT / "book"
 BUILD = BOOK / "_build"
@@ -111,20 +111,21 @@ def report() -> None:
 
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--only", nargs="+", metavar="NN", help="only these labs")
+    parser.add_argument("--only", nargs="+", metavar="NN", help="run only these labs")
     parser.add_argument("--jobs", type=int, default=cpu_count(), help="labs to run at a time")
     options = parser.parse_args(arguments)
     began = time.perf_counter()
     chosen = labs(options.only)
     try:
-        gather(execute(chosen, options.jobs, BUILD / "executed"))
+        # A lab that was not asked for is there as it is written, so that links to it lead somewhere.
+        gather({path: read(path) for path in labs()} | execute(chosen, options.jobs, BUILD / "executed"))
     except LabFailed as failed:
         print(failed, file=sys.stderr)
         return 1
-    quiet = ["-W", "--keep-going", "-q"]
-    status = sphinx([*quiet, "-b", "html", "-c", str(BOOK), "-d", str(BUILD / "doctrees"), str(SOURCE), str(HTML)])
+    strict = ["-W", "--keep-going", "-q"]
+    status = sphinx([*strict, "-b", "html", "-c", str(BOOK), "-d", str(BUILD / "doctrees"), str(SOURCE), str(HTML)])
     if status == 0:
-        offer_clean_notebooks(chosen)
+        offer_clean_notebooks(labs())
         report()
         print(f"the book is in {os.path.relpath(HTML / 'index.html')} ({time.perf_counter() - began:.0f} s)")
     return status

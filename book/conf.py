@@ -31,7 +31,6 @@ myst_enable_extensions = ["amsmath", "attrs_block", "attrs_inline", "colon_fence
 myst_heading_anchors = 3
 math_eqref_format = "({number})"
 numfig = True
-bibtex_bibfiles = ["references.bib"]
 bibtex_reference_style = "author_year"
 copybutton_exclude = ".linenos, .gp, .go"
 
@@ -83,3 +82,12 @@ if repository := os.environ.get("GITHUB_REPOSITORY"):
         "use_repository_button": True,
         "use_issues_button": True,
     }
+
+
+def setup(app):
+    """The bibliography lies beside the pages that build.py gathered, not beside this file."""
+
+    def find_bibliography(app, config):
+        config.bibtex_bibfiles = [str(Path(app.srcdir) / "references.bib")]
+
+    app.connect("config-inited", find_bibliography)

@@ -114,7 +114,10 @@ def execute(paths: Iterable[Path], jobs: int, cache: Path, root: Path = ROOT) ->
         import matplotlib.font_manager  # noqa: F401  (builds its cache here, not as a warning inside a lab)
 
         cells = sum(len(code(labs[path])) for path in stale)
-        with tqdm(total=cells, unit="cell", desc="running the labs") as progress, ThreadPoolExecutor(jobs) as pool:
+        with (
+            tqdm(total=cells, unit="cell", desc="running the labs", disable=None) as progress,
+            ThreadPoolExecutor(jobs) as pool,
+        ):
             list(pool.map(work, stale))
     if failures:
         raise LabFailed("\n\n".join(failures))

@@ -220,7 +220,7 @@ def tiny_site(tmp_path_factory):
         patch.setattr(build, "BUILD", root / "build")
         patch.setattr(build, "SOURCE", root / "build" / "source")
         patch.setattr(build, "HTML", root / "build" / "html")
-        patch.setattr(build, "labs", lambda only: sorted((root / "notebooks").glob("*.ipynb")))
+        patch.setattr(build, "labs", lambda only=None: sorted((root / "notebooks").glob("*.ipynb")))
         assert build.main(["--jobs", "1"]) == 0
     return root / "build" / "html"
 
