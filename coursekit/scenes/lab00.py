@@ -50,8 +50,8 @@ class Stage:
         (self.true_track,) = self.ax.plot([], [], color=plotting.TRUTH, label="where it went")
         (self.told_track,) = self.ax.plot([], [], color=plotting.ODOMETRY, ls="--", label="what its wheels told")
         self.ellipse = plotting.draw_ellipse(self.ax, [0, 0], np.eye(2), plotting.ESTIMATE, label="95 % ellipse")
-        self.ghost = plotting.draw_robot(self.ax, np.zeros(3), plotting.ODOMETRY, size=0.36, alpha=0.7)
-        self.robot = plotting.draw_robot(self.ax, np.zeros(3), plotting.TRUTH, size=0.36)
+        self.ghost = plotting.draw_robot(self.ax, np.zeros(3), plotting.ODOMETRY, alpha=0.7)
+        self.robot = plotting.draw_robot(self.ax, np.zeros(3), plotting.TRUTH)
         self.title = self.ax.set_title("the robot", loc="left")
         self.ax.legend(loc="upper center", bbox_to_anchor=(0.5, -0.12), ncols=3)
         self.moving = [*self.crates, self.true_track, self.told_track, self.ellipse, self.ghost, self.robot, self.title]
@@ -63,8 +63,8 @@ class Stage:
         self.true_track.set_data(*truth[:, :2].T)
         self.told_track.set_data(*told[:, :2].T)
         self.ellipse.set_data(*(told[-1, :2] + ellipse(cov[:2, :2])).T)
-        self.ghost.set_xy(plotting.robot_outline(told[-1], 0.36))
-        self.robot.set_xy(plotting.robot_outline(truth[-1], 0.36))
+        self.ghost.set_xy(plotting.robot_outline(told[-1]))
+        self.robot.set_xy(plotting.robot_outline(truth[-1]))
         self.title.set_text(title)
 
 
@@ -259,7 +259,9 @@ class DriveYourself:
         turn = w.FloatSlider(0.3, min=-2.0, max=2.0, step=0.1, description="Turn [rad/s]", style=style, layout=wide)
         play = w.Play(min=0, max=100_000, interval=100, show_repeat=False)
         reset = w.Button(description="Back to the start")
-        image = w.Image(format="png", layout=w.Layout(max_width="100%", object_fit="contain"))
+        height, width = self._picture({"tick": 0}).shape[:2]
+        image = w.Image(format="png", width=width, height=height)
+        image.layout = w.Layout(max_width="100%", object_fit="contain")
 
         def paint(*_: Any) -> None:
             image.value = png(self._picture({"tick": play.value}))
