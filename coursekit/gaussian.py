@@ -15,11 +15,11 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 from numpy.typing import ArrayLike
 from scipy.linalg import cho_factor, cho_solve
-from scipy.linalg.lapack import dpotrf
 from scipy.stats import chi2
 
 from coursekit.geometry import Array
@@ -50,22 +50,20 @@ class Gaussian:
         object.__setattr__(self, "cov", cov)
 
     @classmethod
-    def trusted(cls, mean: Array, cov: Array) -> Gaussian:
-        """The same without copies and checks: for a filter, whose algebra keeps cov what it must be."""
+    def trusted(cls, mean: Array, cov: Array, **known: Array) -> Gaussian:
+        """The same without copies and questions, for a filter, whose algebra keeps cov what it must be.
+
+        known : ``factor``, where it is at hand.
+        """
         mean.flags.writeable = cov.flags.writeable = False
         belief = object.__new__(cls)
-        belief.__dict__.update(mean=mean, cov=cov)
+        belief.__dict__.update(mean=mean, cov=cov, **known)
         return belief
 
-    @property
+    @cached_property
     def factor(self) -> Array:
         """The lower triangular L with cov = L Lᵀ (Cholesky)."""
-        upper, failed = dpotrf(self.cov.T)
-        if failed:
-            raise ValueError(
-                f"cov: expected a positive definite matrix, got eigenvalues {np.linalg.eigvalsh(self.cov)}"
-            )
-        return upper.T
+        return np.asarray(np.linalg.cholesky(self.cov))
 
     def marginal(self, indices: ArrayLike) -> Gaussian:
         """The belief over some of the entries: what is left when the others are forgotten."""

@@ -1,0 +1,214 @@
+"""Motion models: where the state goes, and how much less is known about it there."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from numpy.typing import ArrayLike
+
+from coursekit.geometry import Array, wrap_angle
+from coursekit.models._vectors import entries, functions, vector
+
+
+@dataclass(frozen=True)
+class DifferentialDrive:
+    r"""A robot on two wheels.  State [x, y, θ] (m, m, rad); control [v, ω] (m/s, rad/s).
+
+    Between two samples of the control the robot runs along an arc of a circle, so f is exact for a control
+    that holds still.  The wheels' noise is a constant error of v and ω over the step (standard deviations
+    ``sigma_v`` m/s, ``sigma_omega`` rad/s), independent from one step to the next: take smaller steps and
+    the same two numbers mean *less* noise (Lab 7 measures how much less).  ``sigma_slip`` [m, m, rad] is
+    what no wheel explains, over one step, along the state's own axes; it keeps Q positive definite.
+
+    Raises ValueError for a negative or non-finite deviation; so does each method for a state or control of the
+    wrong shape, for NaN, and for dt ≤ 0.
+    """
+
+    sigma_v: float = 0.05
+    sigma_omega: float = 0.05
+    sigma_slip: tuple[float, float, float] = (1e-3, 1e-3, 1e-3)
+    _wheels: Array = field(init=False, repr=False, compare=False)
+    _slip: Array = field(init=False, repr=False, compare=False)
+
+    def __post_init__(self) -> None:
+        sigmas = np.array([self.sigma_v, self.sigma_omega, *self.sigma_slip], dtype=float)
+        if sigmas.shape != (5,) or not np.all(np.isfinite(sigmas)) or np.any(sigmas < 0):
+            raise ValueError(f"expected five finite standard deviations ≥ 0, got {sigmas}")
+        object.__setattr__(self, "_wheels", np.diag(sigmas[:2]))
+        object.__setattr__(self, "_slip", np.diag(sigmas[2:] ** 2))
+
+    @classmethod
+    def from_wheels(cls, radius: float, track: float, sigma_wheel: float, **noise: Any) -> DifferentialDrive:
+        """The model whose two wheels (radius m, track m apart) each err by ``sigma_wheel`` rad/s."""
+        if not (radius > 0 and track > 0):
+            raise ValueError(f"expected radius > 0 and track > 0 in metres, got {radius} and {track}")
+        return cls(radius * sigma_wheel / np.sqrt(2), np.sqrt(2) * radius * sigma_wheel / track, **noise)
+
+    def f(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """The pose after ``dt`` seconds: (..., 3) and (..., 2) → (..., 3).
+
+        The chord of the arc has length v·dt·sinc(ω dt/2) and direction θ + ω dt/2: written with sinc, because
+        v/ω is 0/0 on a straight line.
+        """
+        x, y, theta, v, omega = _pose_and_control(x, u)
+        half = 0.5 * omega * _step(dt)
+        chord, direction = v * dt * _sinc(half), theta + half
+        m = functions(direction)
+        return vector(x + chord * m.cos(direction), y + chord * m.sin(direction), wrap_angle(theta + omega * dt))
+
+    def F(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """∂f/∂x, (3, 3)."""
+        _, _, theta, v, omega = _pose_and_control(x, u, one=True)
+        half = 0.5 * omega * _step(dt)
+        chord, direction = v * dt * _sinc(half), theta + half
+        F = _I3.copy()
+        F[0, 2], F[1, 2] = -chord * math.sin(direction), chord * math.cos(direction)
+        return F
+
+    def G(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """∂f/∂u, (3, 2): how an error of [v, ω] that lasts for the step moves the pose."""
+        _, _, theta, v, omega = _pose_and_control(x, u, one=True)
+        half = 0.5 * omega * _step(dt)
+        c, s = math.cos(theta + half), math.sin(theta + half)
+        # The chord's change with v; and, through half = ω dt/2, its turning and its shortening with ω.
+        along, across, shorter = dt * _sinc(half), 0.5 * v * dt**2 * _sinc(half), 0.5 * v * dt**2 * _sinc_slope(half)
+        G = np.zeros((3, 2))
+        G[0, 0], G[0, 1] = along * c, shorter * c - across * s
+        G[1, 0], G[1, 1] = along * s, shorter * s + across * c
+        G[2, 1] = dt
+        return G
+
+    def M(self, u: ArrayLike, dt: float) -> Array:
+        """A square root of the control's covariance: M Mᵀ = diag(σ_v², σ_ω²), (2, 2)."""
+        return self._wheels
+
+    def Q(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
+        """G M Mᵀ Gᵀ + diag(σ_slip²), (3, 3)."""
+        GM = self.G(x, u, dt).dot(self.M(u, dt))
+        return GM.dot(GM.T) + self._slip
+
+    def sample(self, states: ArrayLike, u: ArrayLike, dt: float, rng: np.random.Generator) -> Array:
+        """One noisy step for each state: (n, 3) → (n, 3)."""
+        states = np.asarray(states, dtype=float)
+        noise = rng.standard_normal((*states.shape[:-1], 2)) @ self.M(u, dt).T
+        moved = self.f(states, np.asarray(u, dtype=float) + noise, dt)
+        if any(self.sigma_slip):
+            moved += rng.standard_normal(moved.shape) * self.sigma_slip
+            moved[..., 2] = wrap_angle(moved[..., 2])
+        return moved
+
+
+@dataclass(frozen=True)
+class CreepingWheels(DifferentialDrive):
+    """A differential drive whose noise comes from its wheels: the faster one turns, the more it may creep.
+
+    Over a step each wheel's ground speed is off by ``creep`` times its rim speed, and encoders that count whole
+    ticks of ``tick`` metres round it: with the robot's own numbers this is what the world's robot does.
+    ``sigma_v`` and ``sigma_omega`` are not used.
+
+    track : between the wheels, m.     creep : a share, ≥ 0.     tick : ground covered in one encoder tick, m, ≥ 0.
+
+    Source: Siegwart, Nourbakhsh & Scaramuzza (2011), section 5.2.4.
+    """
+
+    track: float = 0.287
+    creep: float = 0.03
+    tick: float = 2 * math.pi * 0.033 / 4096
+
+    def __post_init__(self) -> None:
+        super().__post_init__()
+        if not (0 < self.track < math.inf and 0 <= self.creep < math.inf and 0 <= self.tick < math.inf):
+            raise ValueError(f"expected track > 0, creep ≥ 0 and tick ≥ 0, all finite, got {self}")
+
+    def M(self, u: ArrayLike, dt: float) -> Array:
+        """A square root of the covariance of [v, ω], (2, 2): each wheel's error, as the body feels it."""
+        v, omega = entries(u, 2, "control [v, ω]", one=True)
+        half = 0.5 * omega * self.track
+        # A count that starts and ends between two ticks is off by tick²/6.
+        rounding = self.tick**2 / (6 * _step(dt) ** 2)
+        left, right = (math.sqrt((self.creep * rim) ** 2 + rounding) for rim in (v - half, v + half))
+        M = np.empty((2, 2))
+        M[0, 0], M[0, 1], M[1, 0], M[1, 1] = 0.5 * left, 0.5 * right, -left / self.track, right / self.track
+        return M
+
+
+@dataclass(frozen=True)
+class ConstantVelocity:
+    r"""A point that keeps its velocity but for white-noise acceleration.  State [p_x, v_x, p_y, v_y].
+
+    ``sigma_a`` is the noise's intensity, m/s^(3/2): over a step of dt seconds the velocity's variance grows by
+    sigma_a² dt, whatever the number of steps it is cut into.  The control is not used.
+
+    Source: Bar-Shalom, Li & Kirubarajan (2001), eq. 6.2.2-12.
+    """
+
+    sigma_a: float = 0.1
+
+    def __post_init__(self) -> None:
+        if not (math.isfinite(self.sigma_a) and self.sigma_a >= 0):
+            raise ValueError(f"sigma_a: expected a finite intensity ≥ 0, got {self.sigma_a}")
+
+    def f(self, x: ArrayLike, u: ArrayLike | None, dt: float) -> Array:
+        """The state after ``dt`` seconds, (..., 4) → (..., 4)."""
+        px, vx, py, vy = entries(x, 4, "state")
+        dt = _step(dt)
+        return vector(px + vx * dt, vx, py + vy * dt, vy)
+
+    def F(self, x: ArrayLike, u: ArrayLike | None, dt: float) -> Array:
+        """∂f/∂x, (4, 4), the same for every state."""
+        dt = _step(dt)
+        return np.array([[1.0, dt, 0.0, 0.0], [0.0, 1.0, 0.0, 0.0], [0.0, 0.0, 1.0, dt], [0.0, 0.0, 0.0, 1.0]])
+
+    def Q(self, x: ArrayLike, u: ArrayLike | None, dt: float) -> Array:
+        """The covariance that the acceleration's noise leaves after ``dt`` seconds, (4, 4)."""
+        L = self._noise_factor(_step(dt))
+        return L.dot(L.T)
+
+    def sample(self, states: ArrayLike, u: ArrayLike | None, dt: float, rng: np.random.Generator) -> Array:
+        """One noisy step for each state: (n, 4) → (n, 4)."""
+        moved = self.f(states, u, dt)
+        return np.asarray(moved + rng.standard_normal(moved.shape) @ self._noise_factor(dt).T)
+
+    def _noise_factor(self, dt: float) -> Array:
+        """L with Q = L Lᵀ: per axis, the Cholesky factor of σ_a² [[dt³/3, dt²/2], [dt²/2, dt]]."""
+        a = self.sigma_a * math.sqrt(dt)
+        position, shared, own = a * dt / math.sqrt(3), a * math.sqrt(0.75), 0.5 * a
+        return np.array([[position, 0, 0, 0], [shared, own, 0, 0], [0, 0, position, 0], [0, 0, shared, own]])
+
+
+_I3 = np.eye(3)
+
+
+def _pose_and_control(x: Any, u: Any, one: bool = False) -> Any:
+    """x, y, θ, v, ω: floats of one pose and one control, arrays of many."""
+    try:
+        if x.ndim == u.ndim == 1:
+            (px, py, theta), (v, omega) = x.tolist(), u.tolist()
+            if math.isfinite(px + py + theta + v + omega):
+                return px, py, theta, v, omega
+    except (AttributeError, ValueError):
+        pass  # no arrays, or of the wrong size: the careful way knows what to say
+    return *entries(x, 3, "state", one), *entries(u, 2, "control [v, ω]", one)
+
+
+def _sinc(t: Any) -> Any:
+    """sin(t)/t, with its limit 1 at t = 0."""
+    if type(t) is float:
+        return math.sin(t) / t if t else 1.0
+    return np.sinc(t / np.pi)
+
+
+def _sinc_slope(t: float) -> float:
+    """Derivative of sin(t)/t; the series where the closed form cancels."""
+    if abs(t) < 1e-3:
+        return -t / 3 + t**3 / 30
+    return (t * math.cos(t) - math.sin(t)) / t**2
+
+
+def _step(dt: float) -> float:
+    if not 0 < dt < math.inf:
+        raise ValueError(f"dt: expected a time step > 0 s, got {dt}")
+    return dt
