@@ -80,7 +80,7 @@ Exhibit(
     wrong=tuned_by_hand,
     right=mixed,
     check=no_worse_than_its_sensor,
-    lesson="All particles are alive and the filter is two hundred times worse than the fix it was given.",
+    lesson="All particles are alive and the filter is a hundred times worse than the fix it was given.",
 )
 
 # --- a wrong match, trusted --------------------------------------------------------------------------------------
