@@ -44,7 +44,7 @@ def systematic(weights: ArrayLike, rng: np.random.Generator, size: int | None = 
     """
     rim = _rim(weights)
     n = _places(rim, size)
-    return _under(np.minimum((rim * n + rng.random()).astype(np.intp), n), n)
+    return _under((rim * n + rng.random()).astype(np.intp), n)
 
 
 def stratified(weights: ArrayLike, rng: np.random.Generator, size: int | None = None) -> Indices:
@@ -106,6 +106,7 @@ def _under(below: Indices, n: int) -> Indices:
     """The slice under each of n teeth, from how many teeth lie below each slice's upper edge.
 
     Tooth k lies in slice i when i edges lie at or below it: counting edges costs a quarter of ``np.repeat``.
+    Edges past the last tooth, where rounding may put those of the end, are not counted.
     """
     return np.cumsum(np.bincount(below, minlength=n + 1)[:n])
 
