@@ -18,6 +18,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
+from matplotlib.ticker import NullFormatter
 from numpy.typing import ArrayLike
 
 from coursekit.gaussian import chi2_band, ellipse
@@ -153,6 +154,8 @@ def consistency_strip(
     ax.axhline(dof, color=BAND, lw=1, ls="--")
     ax.plot(t, np.maximum(values, low / 100), color=ESTIMATE, lw=1.2)
     ax.set_yscale("log")
+    ax.yaxis.set_major_formatter("{x:g}")
+    ax.yaxis.set_minor_formatter(NullFormatter())
     ax.set_ylabel(name)
     ax.set_xlabel("time [s]")
     ax.set_title(f"{name}: {inside:.0%} of steps inside the {confidence:.0%} band")
