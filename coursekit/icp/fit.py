@@ -1,0 +1,117 @@
+r"""The closed forms: the motion that takes matched points onto their partners, given the matches.
+
+``point_to_point`` minimises Σ w |q - (R p + t)|² exactly, through a singular value decomposition.
+``point_to_plane`` minimises Σ w (n·(q - (R p + t)))² for a small motion, through one linear system.
+
+Source: Arun, Huang & Blostein (1987); Umeyama (1991) for the reflection case; Chen & Medioni (1992) for planes.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from coursekit.geometry import Array, rotation, so3_exp
+
+
+class Undetermined(Exception):
+    """These pairs leave the motion open: more than one rotation fits them equally well."""
+
+
+def point_to_point(p: Array, q: Array, weights: Array | None = None) -> Array:
+    r"""The rigid motion that minimises Σ wᵢ |qᵢ - (R pᵢ + t)|², as a homogeneous matrix.
+
+    With H = Σ w (q - q̄)(p - p̄)ᵀ = U S Vᵀ, the rotation is R = U diag(1, …, ±1) Vᵀ and t = q̄ - R p̄.  The last sign
+    is det(U Vᵀ): without it the best orthogonal matrix may be a mirror, which no robot has ever driven through.
+
+    Parameters
+    ----------
+    p, q : (n, d) matched points, d = 2 or 3.
+    weights : (n,) ≥ 0, or None for all equal.
+
+    Raises Undetermined when the best rotation is not unique: in 3-D when the pairs lie on a line, in any
+    dimension when they lie on one point or when the two best rotations are equally good.
+    """
+    w = np.full(len(p), 1 / len(p)) if weights is None else weights / weights.sum()
+    p_mean, q_mean = w @ p, w @ q
+    p, q = p - p_mean, q - q_mean
+    wq = w[:, None] * q
+    H = np.sum([wq[rows].T @ p[rows] for rows in _blocks(len(p))], axis=0)
+    U, S, Vt = np.linalg.svd(H)
+    handed = 1.0 if np.linalg.det(U @ Vt) > 0 else -1.0
+    # To turn the two weakest axes together costs S[-2] ± S[-1]; if that is nothing, one turn is as good as another.
+    rounding = 1e-14 * max(
+        np.abs(p_mean).max() * np.sqrt(np.sum(wq * q)), np.abs(q_mean).max() * np.sqrt(np.sum(w @ p**2))
+    )
+    if S[-2] + handed * S[-1] <= 1e-9 * S[0] + rounding:
+        raise Undetermined(
+            "the matched pairs do not determine the rotation: they lie on a line or a point, or are too symmetric"
+        )
+    U[:, -1] *= handed
+    return rigid(U @ Vt, q_mean - U @ Vt @ p_mean)
+
+
+def point_to_plane(p: Array, q: Array, normals: Array, weights: Array | None = None) -> Array:
+    r"""One Gauss-Newton step for Σ wᵢ (nᵢ·(qᵢ - (R pᵢ + t)))², as a homogeneous matrix.
+
+    For a small turn φ about the cloud's centre c, R p + t ≈ p + u + φ × (p - c): linear in (u, φ).  A direction in
+    which no normal points (along a corridor) is left where it is by a little damping, 1/1000 of what evenly
+    spread normals would say; the damping slows such a direction down, and moves no solution.
+    """
+    w = np.full(len(p), 1 / len(p)) if weights is None else weights / weights.sum()
+    centre = w @ p
+    J = np.hstack([normals, turning(p - centre, normals)])
+    size = np.sqrt((w @ (p - centre) ** 2).sum())  # metres, the arm of a turn
+    if size <= 1e-14 * np.abs(centre).max():
+        raise Undetermined("the matched pairs do not determine the rotation: the source's points are one point")
+    d = p.shape[1]
+    even = np.diag([1.0] * d + [size**2] * (J.shape[1] - d)) / d
+    residual = ((q - p) * normals).sum(axis=1)
+    step = np.linalg.solve(J.T @ (w[:, None] * J) + 1e-3 * even, J.T @ (w * residual))
+    R = rotation(step[2]) if d == 2 else so3_exp(step[3:])
+    return rigid(R, centre + step[:d] - R @ centre)
+
+
+def turning(arm: Array, direction: Array) -> Array:
+    """How fast a turn carries a point along ``direction``: n·(φ × r) = φ·(r × n).  (n, d) → (n, 1) or (n, 3)."""
+    if arm.shape[1] == 2:
+        return (arm[:, 0] * direction[:, 1] - arm[:, 1] * direction[:, 0])[:, None]
+    return np.cross(arm, direction)
+
+
+def turning_matrix(arm: Array) -> Array:
+    """-φ × r as a matrix times φ: what a turn does to the place of the point that it does not turn about."""
+    if arm.size == 2:
+        return np.array([[arm[1]], [-arm[0]]])
+    return np.array([[0, -arm[2], arm[1]], [arm[2], 0, -arm[0]], [-arm[1], arm[0], 0]])
+
+
+def rigid(R: Array, t: Array) -> Array:
+    """[[R, t], [0, 1]]."""
+    T = np.eye(len(t) + 1)
+    T[:-1, :-1], T[:-1, -1] = R, t
+    return T
+
+
+def move(T: Array, points: Array) -> Array:
+    """Points (n, d) through a homogeneous matrix."""
+    R = np.ascontiguousarray(T[:-1, :-1].T)
+    moved = np.empty_like(points)
+    for rows in _blocks(len(points)):
+        np.matmul(points[rows], R, out=moved[rows])
+    moved += T[:-1, -1]
+    return moved
+
+
+def _blocks(n: int) -> list[slice]:
+    """Rows by the thousand: for a longer product BLAS starts threads, and with matrices this thin they only wait."""
+    return [slice(start, start + 8192) for start in range(0, n, 8192)]
+
+
+# Weights of the robust kernels at the residual u = r/scale.  The constants give 95 % efficiency on Gaussian noise.
+KERNELS: dict[str, Callable[[Array], Array]] = {
+    "huber": lambda u: 1 / np.maximum(1, u / 1.345),
+    "cauchy": lambda u: 1 / (1 + (u / 2.385) ** 2),
+    "tukey": lambda u: np.maximum(0, 1 - (u / 4.685) ** 2) ** 2,
+}
