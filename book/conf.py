@@ -23,6 +23,7 @@ extensions = [
     "sphinxcontrib.bibtex",
     "explorers",
     "lab_map",
+    "page_numbers",
 ]
 exclude_patterns = []
 
@@ -31,6 +32,7 @@ myst_enable_extensions = ["amsmath", "attrs_block", "attrs_inline", "colon_fence
 myst_heading_anchors = 3
 math_eqref_format = "({number})"
 numfig = True
+math_numfig = False  # equations, too, are counted on each page
 bibtex_reference_style = "author_year"
 copybutton_exclude = ".linenos, .gp, .go"
 

@@ -82,6 +82,9 @@ def test_equations_are_drawn_and_none_is_left_as_text_or_error(page, site, name)
     undrawn = "[...document.querySelectorAll('.math')].filter((m) => !m.querySelector('mjx-container')).length"
     assert page.evaluate(undrawn) == 0
     assert page.evaluate("document.querySelectorAll('[data-mjx-error], mjx-merror').length") == 0
+    page.evaluate("document.querySelectorAll('details').forEach((d) => { d.open = true; })")
+    cut = "[...document.querySelectorAll('div.math mjx-container')].filter((e) => e.scrollWidth > e.clientWidth + 1)"
+    assert page.evaluate(f"{cut}.map((e) => e.closest('.math').id || e.innerText)") == [], "wider than the column"
 
 
 @every_page_with_sliders
