@@ -36,36 +36,35 @@ class BrokenRow(NamedTuple):
 
 @dataclass(frozen=True, repr=False)
 class Log:
-    """Range and bearing to one landmark, measured and true, sample by sample: six arrays of shape (n,).
+    """Range and bearing to one landmark, measured and true, sample by sample: arrays of shape (n,).
 
     ``range`` and ``true_range`` in metres; ``bearing`` and ``true_bearing`` in radians, in (-π, π]; ``stamp`` in
-    seconds, never decreasing; ``colour`` names the landmark.  ``rejected`` lists the rows of the file that were
-    dropped.  A log is sliced like an array, ``log[::2]`` or ``log[log.range < 5]``, and a slice remembers what its
-    file dropped.
+    seconds, never decreasing (the sample's number where there is no clock); ``colour`` names the landmark.
+    ``dropped`` counts the rows of the file that were not used, ``rejected`` lists them.  A log is sliced like an
+    array, ``log[::2]`` or ``log[log.range < 5]``, and a slice remembers what its file dropped.
     """
 
     range: Array
     bearing: Array
     true_range: Array
     true_bearing: Array
-    stamp: Array
-    colour: Array
+    stamp: Array | None = None
+    colour: Array | None = None
+    dropped: int = 0
     rejected: tuple[BrokenRow, ...] = ()
 
     def __post_init__(self) -> None:
+        n = np.size(self.range)
+        given = {"stamp": np.arange(n) if self.stamp is None else self.stamp,
+                 "colour": np.full(n, "") if self.colour is None else self.colour}  # fmt: skip
         for name in _LOG_ARRAYS:
-            values = np.array(getattr(self, name), dtype=str if name == "colour" else float)
+            values = np.array(given.get(name, getattr(self, name)), dtype=str if name == "colour" else float)
             if values.ndim != 1 or values.shape != np.shape(self.range):
                 raise ValueError(f"{name}: expected one entry a sample, {np.shape(self.range)}, got {values.shape}")
             if name != "colour" and not np.all(np.isfinite(values)):
                 raise ValueError(f"{name}: expected finite numbers, got {values[~np.isfinite(values)][0]}")
             values.flags.writeable = False
             object.__setattr__(self, name, values)
-
-    @property
-    def dropped(self) -> int:
-        """How many rows of the file were not used."""
-        return len(self.rejected)
 
     @property
     def range_error(self) -> Array:
@@ -90,7 +89,7 @@ class Log:
         return f"Log({len(self)} samples{span}, {self.dropped} rows dropped)"
 
 
-_LOG_ARRAYS = tuple(f.name for f in fields(Log) if f.name != "rejected")
+_LOG_ARRAYS = tuple(f.name for f in fields(Log) if f.name not in ("dropped", "rejected"))
 
 
 class Clouds(NamedTuple):
@@ -151,7 +150,9 @@ def read_landmark_log(path: str | Path) -> Log:
         raise ValueError(f"{path}: no usable row; {_summary(rejected)}")
     stamp, d, theta, true_d, true_theta = np.array(rows)[kept].T
     colour = np.array(colours)[kept]
-    return Log(d, wrap_angle(theta), true_d, wrap_angle(true_theta), stamp, colour, tuple(sorted(rejected)))
+    return Log(
+        d, wrap_angle(theta), true_d, wrap_angle(true_theta), stamp, colour, len(rejected), tuple(sorted(rejected))
+    )
 
 
 def read_cloud(path: str | Path) -> Array:

@@ -119,6 +119,9 @@ def test_a_log_is_sliced_like_an_array_and_cannot_be_changed(csv_file):
 
 def test_a_log_made_by_hand_is_checked():
     good = np.ones(3)
+    log = Log(good, good, good, good, dropped=2)
+    np.testing.assert_array_equal(log.stamp, [0, 1, 2])
+    assert log[1:].dropped == 2 and len(log[1:].colour) == 2
     with pytest.raises(ValueError, match="true_range: expected one entry a sample"):
         Log(good, good, np.ones(2), good, good, ["cyan"] * 3)
     with pytest.raises(ValueError, match="bearing: expected finite"):
