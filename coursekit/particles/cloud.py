@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -71,7 +72,7 @@ def predict(
     control : in the model's units; for DifferentialDrive [v m/s, ω rad/s], one for all (2,) or one each (n, 2).
     dt : seconds, > 0.  The model's noise is drawn once for the whole step: see Lab 7 before cutting steps.
 
-    The model is called on blocks of at most 8192 particles, whose intermediate results stay in the cache.
+    The model is called on blocks of some 8000 particles, whose intermediate results stay in the cache.
 
     Source: Thrun, Burgard & Fox (2005), table 4.3, line 4.
     """
@@ -131,12 +132,10 @@ def resample(
 def log_likelihood(sensor: SensorModel, z: ArrayLike, R: ArrayLike | None = None) -> Callable[[Array], Array]:
     """log N(z; h(x), R) as a function of states (n, d) → (n,), for ``weigh``.  z (m,), R (m, m)."""
     z = np.atleast_1d(np.asarray(z, dtype=float))
-    R = check_covariance(sensor.R if R is None else R, "R", size=z.size)
-    if not np.all(np.isfinite(z)):
+    if not np.isfinite(z).all():
         raise ValueError(f"z: expected finite numbers, got {z}")
-    factor = np.linalg.cholesky(R)
-    whiten = np.linalg.solve(factor, np.eye(z.size)) / np.sqrt(2)
-    constant = -np.log(np.diag(factor)).sum() - 0.5 * z.size * np.log(2 * np.pi)
+    R = np.asarray(sensor.R if R is None else R, dtype=float)
+    whiten, constant = _whitening(R.tobytes(), R.shape, z.size)
 
     def at(states: Array) -> Array:
         out = np.empty(len(states))
@@ -147,6 +146,14 @@ def log_likelihood(sensor: SensorModel, z: ArrayLike, R: ArrayLike | None = None
         return out
 
     return at
+
+
+@lru_cache(maxsize=64)
+def _whitening(R: bytes, shape: tuple[int, ...], size: int) -> tuple[Array, float]:
+    """L⁻¹/√2 and -log√((2π)ᵐ|R|) for R = L Lᵀ: checked and factored once, not at every measurement."""
+    factor = np.linalg.cholesky(check_covariance(np.frombuffer(R).reshape(shape), "R", size=size))
+    constant = -np.log(np.diag(factor)).sum() - 0.5 * size * np.log(2 * np.pi)
+    return np.linalg.solve(factor, np.eye(size)) / np.sqrt(2), float(constant)
 
 
 def _check_logs(logs: Array, name: str) -> None:
@@ -165,7 +172,8 @@ def _normalise(log_weights: Array) -> tuple[Array, Array, float]:
 
 
 def _blocks(n: int) -> list[slice]:
-    return [slice(start, start + BLOCK) for start in range(0, n, BLOCK)]
+    edges = np.linspace(0, n, max(1, round(n / BLOCK)) + 1).astype(int).tolist()
+    return [slice(start, end) for start, end in pairwise(edges)]
 
 
 def _check_states(states: Array) -> Array:
