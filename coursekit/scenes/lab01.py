@@ -12,6 +12,7 @@ from matplotlib.artist import Artist
 from matplotlib.figure import Figure
 
 from coursekit import plotting
+from coursekit.failures.lab01 import trust_what_is_not_skewed
 from coursekit.geometry import Array
 from coursekit.landmarks import LandmarkPixels, find_corners, measure, segment
 from coursekit.pinhole import COURSE_CAMERA, project_cylinder
@@ -46,7 +47,7 @@ def question() -> Figure:
     picture, close = plotting.axes(fig, 1, 2, width_ratios=[1.75, 1])
     picture.imshow(image[..., ::-1])
     picture.add_patch(_frame(u, v, size))
-    picture.set(title="Six numbers would do for this picture", xticks=[], yticks=[])
+    picture.set(title="Eight numbers would do for this picture", xticks=[], yticks=[])
     close.imshow(image[..., ::-1])
     close.set(xlim=(u - size, u + size), ylim=(v + size, v - size), title="Where does it end?")
     close.set(xlabel="u [pixels]", ylabel="v [pixels]")
@@ -313,14 +314,34 @@ def errors_over_distance(views: Sequence[Seen]) -> Figure:
     return fig
 
 
-def close_up_of_an_edge(profile: Array, edge: float) -> Figure:
-    """Covered shares along a line of pixels as bars, and the edge that has the same area."""
-    fig = plotting.figure(6.4, 3.0)
+def close_up_of_an_edge(share: Array, edge: float) -> Figure:
+    """Covered shares along a line of pixels as bars, and the step that has the same area."""
+    fig = plotting.figure(6.4, 2.9)
     ax = plotting.axes(fig)
-    ax.bar(np.arange(len(profile)), profile, width=1.0, color=plotting.LANDMARK_COLOURS[COLOUR], edgecolor="white")
-    ax.plot([-0.5, edge, edge, len(profile) - 0.5], [0, 0, 1, 1], color=plotting.TRUTH, lw=1.6)
-    ax.set(xlabel="pixel along the line", ylabel="share of landmark", xlim=(-0.5, len(profile) - 0.5))
-    ax.set_title(f"The step at {edge:.2f} has as much area as the bars")
+    ax.bar(np.arange(len(share)), share, width=1.0, color=plotting.LANDMARK_COLOURS[COLOUR], edgecolor="white")
+    ax.plot([-0.5, edge, edge, len(share) - 0.5], [1, 1, 0, 0], color=plotting.TRUTH, lw=1.6)
+    ax.set(xlabel="pixel along the line", ylabel="covered share", xlim=(-0.5, len(share) - 0.5))
+    ax.set_title(f"The step at {edge:.2f} has the area of all the bars")
+    return fig
+
+
+def sliding_out() -> Figure:
+    """A landmark slides out of the picture: the axis that a skew check lets through, and where ``measure`` stops."""
+    bearings, off, refused = np.linspace(0.44, 0.56, 49), [], []
+    for bearing in bearings:
+        image, landmark = photograph(at(2.0, bearing)), project_cylinder(2.0, bearing, COURSE_CAMERA, HEIGHT, RADIUS)
+        corners = find_corners(image, COLOUR)
+        passed = len(corners) > 0 and trust_what_is_not_skewed(corners)
+        off.append(float(corners[:, 0].min() + corners[:, 0].max()) / 2 - float(landmark.axis_px) if passed else np.nan)
+        refused.append(not measure(corners, COURSE_CAMERA))
+    fig = plotting.figure(7.2, 3.4)
+    ax = plotting.axes(fig)
+    ax.plot(bearings, off, color=plotting.MEASUREMENT, label="middle of what is seen: not skewed, so trusted")
+    ax.fill_between(bearings, -3, 26, where=refused, color=plotting.BAND, alpha=0.18, lw=0, label="rejected by measure")
+    ax.axhline(0, color=plotting.TRUTH, lw=1, ls="--")
+    ax.set(xlabel="true bearing [rad]", ylabel="axis off by [pixels]", ylim=(-3, 26), xlim=(bearings[0], bearings[-1]))
+    ax.set_title("Half a cylinder is as upright as a whole one, and its middle is somewhere else")
+    ax.legend(loc="upper left")
     return fig
 
 
