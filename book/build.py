@@ -14,10 +14,13 @@ import re
 import shutil
 import sys
 import time
+from base64 import b64decode
+from io import BytesIO
 from pathlib import Path
 
 import nbformat
 from joblib import cpu_count
+from PIL import Image
 from pybtex.database import BibliographyData, parse_file
 from sphinx.cmd.build import main as sphinx
 
@@ -60,6 +63,18 @@ def prepare(notebook: nbformat.NotebookNode, name: str) -> nbformat.NotebookNode
     return notebook
 
 
+def thumbnail(notebook: nbformat.NotebookNode) -> bytes | None:
+    """A lab's first picture, small, for its card on the front page; None for a lab that has not been run."""
+    for cell in notebook.cells:
+        for output in cell.get("outputs", []):
+            if "image/png" in output.get("data", {}):
+                picture = Image.open(BytesIO(b64decode(output.data["image/png"]))).convert("RGB")
+                picture.thumbnail((560, 420))
+                picture.save(small := BytesIO(), "WEBP", quality=80)
+                return small.getvalue()
+    return None
+
+
 def bibliography(files: list[Path]) -> BibliographyData:
     """All entries of all files.  Raises ValueError when two files give one key to two sources."""
     merged = BibliographyData()
@@ -84,9 +99,11 @@ def gather(notebooks: dict[Path, nbformat.NotebookNode]) -> None:
     sources = {path.relative_to(BOOK): path.read_bytes() for path in BOOK.glob("*.md")}
     for path, notebook in notebooks.items():
         sources[Path("notebooks") / path.name] = nbformat.writes(prepare(notebook, path.name)).encode()
+        if picture := thumbnail(notebook):
+            sources[Path("images") / f"{path.stem}.webp"] = picture
     references = bibliography([BOOK / "references.bib", *sorted((BOOK / "references").glob("*.bib"))])
     sources[Path("references.bib")] = references.to_string("bibtex").encode()
-    sources |= {Path("images") / name: content for name, content in cover.pictures().items()}
+    sources[Path("images/cover.html")] = cover.explorer().html().encode()
     for old in SOURCE.rglob("*"):
         if old.is_file() and old.relative_to(SOURCE) not in sources:
             old.unlink()

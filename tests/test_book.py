@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from PIL import Image
 
+from coursekit.explore import sweep
 from tests import labs
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "book"))
@@ -108,15 +109,18 @@ def test_the_front_page_has_a_card_for_every_lab():
     assert {path.stem for path in labs.NOTEBOOKS} <= cards
 
 
-def test_the_picture_on_the_front_page_shows_what_its_words_say():
+def test_the_explorer_on_the_front_page_survives_a_sweep():
+    assert sweep(cover.explorer()) == []
+
+
+def test_the_explorer_on_the_front_page_shows_what_its_words_say():
     path, clouds, beliefs = cover.drive()
-    assert clouds.shape == (4, 500, 3) and 38 < cover.MOMENTS[-1] * cover.DT < 45
-    spreads = [np.linalg.norm(cloud[:, :2].std(axis=0)) for cloud in clouds]
-    assert spreads == sorted(spreads) and spreads[-1] > 4 * spreads[0]
-    for moment, belief in zip(cover.MOMENTS, beliefs, strict=True):
-        error = path[moment + 1, :2] - belief.mean[:2]
+    spreads = [cover.doubt(cloud[:, :2]) for cloud in clouds]
+    assert clouds[-1].shape == (500, 3) and spreads[-1] > 4 * spreads[5] and spreads[-1] > 1.0
+    for k, belief in enumerate(beliefs):
+        error = path[k * cover.EVERY, :2] - belief.mean[:2]
         assert error @ np.linalg.solve(belief.cov[:2, :2], error) < 9.2, "outside the 99 % ellipse"
-    assert cover.pictures() == cover.pictures()
+    assert max(np.sqrt(np.linalg.eigvalsh(b.cov[:2, :2])[-1]) for b in beliefs) < 0.25
 
 
 # --- running and keeping labs -------------------------------------------------------------------------------

@@ -11,6 +11,7 @@ written before its lab is.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 from docutils import nodes
@@ -31,8 +32,10 @@ class LabMap(SphinxDirective):
             document = f"notebooks/{name.strip()}"
             if document in self.env.found_docs:
                 number = int(name.split("_")[0])
-                cards += [f":::{{grid-item-card}} Lab {number}", f":link: {document}", ":link-type: doc",
-                          ":class-card: lab-card", "", words.strip(), ":::", ""]  # fmt: skip
+                cards += [f":::{{grid-item-card}} Lab {number}", f":link: {document}", ":link-type: doc"]
+                if (Path(self.env.srcdir) / "images" / f"{name.strip()}.webp").exists():
+                    cards += [f":img-top: images/{name.strip()}.webp", f":img-alt: The first picture of Lab {number}"]
+                cards += [":class-card: lab-card", "", words.strip(), ":::", ""]
         if not cards:
             return []
         lines = ["::::{grid} 1 2 2 3", ":gutter: 3", "", *cards, "::::"]
