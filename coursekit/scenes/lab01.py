@@ -62,7 +62,7 @@ class Pipeline:
     WIDE, TALL = 150, 240  # the close-ups, which always show the landmark at one size
 
     def __init__(self) -> None:
-        self.figure = plotting.figure(7.6, 3.7)
+        self.figure = plotting.figure(7.6, 3.1)
         axes: Any = plotting.axes(self.figure, 1, 3, width_ratios=[2.05, 1, 1])
         picture, mask, close = axes
         blank = np.zeros((self.TALL, self.WIDE, 3), np.uint8)
