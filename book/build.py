@@ -117,6 +117,13 @@ def offer_clean_notebooks(notebooks: list[Path]) -> None:
         shutil.copyfile(path, HTML / "_sources" / "notebooks" / path.name)
 
 
+def remove_old_pages(notebooks: list[Path]) -> None:
+    """A lab that was renamed or removed leaves no page behind."""
+    for page in (HTML / "notebooks").glob("*.html"):
+        if page.stem not in {path.stem for path in notebooks}:
+            page.unlink()
+
+
 def report() -> None:
     """Say what a reader has to fetch."""
     for page in sorted(HTML.glob("notebooks/*.html")):
@@ -142,6 +149,7 @@ def main(arguments: list[str] | None = None) -> int:
     strict = ["-W", "--keep-going", "-q"]
     status = sphinx([*strict, "-b", "html", "-c", str(BOOK), "-d", str(BUILD / "doctrees"), str(SOURCE), str(HTML)])
     if status == 0:
+        remove_old_pages(labs())
         offer_clean_notebooks(labs())
         report()
         print(f"the book is in {os.path.relpath(HTML / 'index.html')} ({time.perf_counter() - began:.0f} s)")

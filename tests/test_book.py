@@ -218,8 +218,19 @@ def tiny_site(tmp_path_factory):
         code("def twice(x):\n    ### BEGIN SOLUTION\n    return 2 * x\n    ### END SOLUTION", ["exercise-solution"]),
         code("assert twice(1) == 2\nprint('checked')", ["check"]),
     )
+    next_lab = notebook(
+        prose("# Lab 3 · Noise\n\nAfter [Lab 2](02_range_and_bearing.ipynb)."),
+        code(
+            "from coursekit import plotting\nfig = plotting.figure(2, 1)\nfig.subplots()\nfig",
+            mystnb={"image": {"alt": "Empty axes."}},
+        ),
+        prose("```{exercise} Thrice (easy)\n:label: ex-thrice\nWrite it.\n```"),
+    )
     (root / "notebooks").mkdir()
     nbformat.write(lab, root / "notebooks" / "02_range_and_bearing.ipynb")
+    nbformat.write(next_lab, root / "notebooks" / "03_noise_model.ipynb")
+    (root / "build" / "html" / "notebooks").mkdir(parents=True)
+    (root / "build" / "html" / "notebooks" / "02_old_name.html").write_text("gone")
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(build, "BUILD", root / "build")
         patch.setattr(build, "SOURCE", root / "build" / "source")
@@ -256,7 +267,27 @@ def test_solutions_and_checks_are_folded_under_names_of_their_own(tiny_site):
 def test_links_between_labs_and_pages_lead_somewhere(tiny_site):
     page = (tiny_site / "notebooks" / "02_range_and_bearing.html").read_text()
     assert 'href="../notation.html"' in page
+    assert 'href="02_range_and_bearing.html"' in (tiny_site / "notebooks" / "03_noise_model.html").read_text()
     assert 'href="notebooks/02_range_and_bearing.html"' in (tiny_site / "index.html").read_text()
+
+
+@one_site
+def test_exercises_are_counted_from_one_on_each_page(tiny_site):
+    for page in (tiny_site / "notebooks").glob("*.html"):
+        assert "Exercise 1" in page.read_text()
+
+
+@one_site
+def test_the_front_page_shows_the_labs_that_exist_each_with_its_picture(tiny_site):
+    index = (tiny_site / "index.html").read_text()
+    cards = re.findall(r"sd-card-title[^>]*>\s*(?:<[^>]+>)*\s*(Lab \d)", index)
+    assert cards == ["Lab 2", "Lab 3"]
+    assert re.findall(r'src="_images/(\w+)\.webp"', index) == ["03_noise_model"], "lab 2 draws no plain picture"
+
+
+@one_site
+def test_a_lab_that_was_renamed_leaves_no_page(tiny_site):
+    assert {p.stem for p in (tiny_site / "notebooks").glob("*.html")} == {"02_range_and_bearing", "03_noise_model"}
 
 
 @one_site
