@@ -221,7 +221,7 @@ def tiny_site(tmp_path_factory):
     next_lab = notebook(
         prose("# Lab 3 · Noise\n\nAfter [Lab 2](02_range_and_bearing.ipynb)."),
         code(
-            "from coursekit import plotting\nfig = plotting.figure(2, 1)\nfig.subplots()\nfig",
+            "from coursekit import plotting\nplotting.use_style()\nfig = plotting.figure(2, 1)\nfig.subplots()\nfig",
             mystnb={"image": {"alt": "Empty axes."}},
         ),
         prose("```{exercise} Thrice (easy)\n:label: ex-thrice\nWrite it.\n```"),
