@@ -20,6 +20,8 @@ Indices = NDArray[np.intp]
 
 
 class Resampler(Protocol):
+    """Anything that turns n weights into ``size`` indices; ``particles.resample`` takes it as its method."""
+
     def __call__(self, weights: ArrayLike, rng: np.random.Generator, size: int | None = None) -> Indices: ...
 
 

@@ -16,11 +16,10 @@ from coursekit.world.robot import World
 
 @dataclass(frozen=True)
 class Leg:
-    """Half a second of a drive among beacons.  controls (10, 2): odometry [v, ω] of each 0.05 s; sigmas (10, 2):
-    its standard deviations; ranges (6,) m to the beacons at the end; truth (3,): the pose then."""
+    """Half a second of a drive among beacons.  controls (10, 2): odometry [v m/s, ω rad/s] of each 0.05 s;
+    ranges (6,) m to the beacons at the end; truth (3,): the pose then."""
 
     controls: Array
-    sigmas: Array
     ranges: Array
     truth: Array
 
@@ -38,9 +37,8 @@ def drive_among_beacons(rng: np.random.Generator, seconds: float = 12.0) -> list
         for _ in range(10):
             world.step(0.35, 0.4)
             controls.append(world.odometry)
-        sigmas = [np.sqrt(np.diag(world.robot.odometry_cov(float(v), float(omega), TICK))) for v, omega in controls]
         ranges = np.linalg.norm(BEACONS - world.pose[:2], axis=1) + BEACON_SIGMA * rng.standard_normal(len(BEACONS))
-        legs.append(Leg(np.array(controls), np.array(sigmas), ranges, world.pose))
+        legs.append(Leg(np.array(controls), ranges, world.pose))
     return legs
 
 
