@@ -91,6 +91,9 @@ def test_the_real_logs_physical_constants_are_found_with_errors_that_own_up_to_i
     assert abs(model.offset - 0.1 - camera_offset) < 3 * model.standard_errors["offset"]
     assert abs(model.lever - camera_offset) < 3 * model.standard_errors["lever"]
     assert np.all(np.array(model.effective_samples) < 200)
+    for name, axis in {"offset": 0, "sideways": 0, "range_power": 0, "turn": 1, "lever": 1, "bearing_power": 1}.items():
+        stretch = np.sqrt(len(log) / model.effective_samples[axis])
+        assert model.standard_errors[name] == pytest.approx(model.naive_errors[name] * stretch), name
     assert aic(model, log) < aic(fit_piecewise(log), log) - 4.5 * 2 * len(log)
 
 
@@ -207,6 +210,20 @@ def test_r_is_finite_symmetric_and_positive_definite_for_any_measurement(fit):
         for ask in (model.R, model.correct):
             with pytest.raises(ValueError, match="finite bearings and ranges ≥ 0"):
                 ask(d, theta)
+
+
+def test_a_height_with_pixels_too_many_never_sends_a_range_to_infinity_or_behind_the_robot():
+    model = fit_calibrated(drive(np.random.default_rng(12), missing=-4.0, high=12.0))
+    assert model.shortfall == pytest.approx(-4 / 265, rel=0.1)
+    corrected, _ = model.correct(np.linspace(0.1, 300, 1000), 0.0)
+    assert np.all(np.isfinite(corrected)) and np.all(np.diff(corrected) > 0) and corrected[-1] < 600
+
+
+def test_a_log_without_errors_still_leaves_a_least_spread():
+    log = drive(np.random.default_rng(0), n=300)
+    model = fit_calibrated(shaped(log, range=log.true_range, bearing=log.true_bearing))
+    least = np.sqrt(model.R(0.0, 0.0).diagonal())
+    assert least[0] >= 1e-5 and least[1] >= 1e-6 and np.all(least < 1e-3)
 
 
 def shaped(log, **arrays):

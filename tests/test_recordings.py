@@ -58,6 +58,12 @@ def test_the_columns_may_come_in_any_order_with_spaces_and_without_errors_or_col
     assert log.dropped == 0
 
 
+def test_a_byte_order_mark_and_windows_line_ends_are_no_obstacle(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_bytes(("\ufeff" + "\r\n".join([HEADER, *GOOD]) + "\r\n").encode("utf-8"))
+    assert (len(read_landmark_log(path)), read_landmark_log(path).dropped) == (4, 0)
+
+
 @pytest.mark.parametrize("column", ["stamp", "measured_d", "measured_theta", "true_d", "true_theta"])
 def test_a_missing_column_is_an_error_that_names_it(csv_file, column):
     header = HEADER.replace(column, "something")

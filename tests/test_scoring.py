@@ -33,6 +33,24 @@ def test_the_fit_is_a_maximum_of_the_likelihood_written_out_by_hand():
             assert log_likelihood(*moved) < log_likelihood(*best)
 
 
+def test_the_covariance_is_the_inverse_of_the_likelihoods_curvature():
+    rng = np.random.default_rng(9)
+    x = rng.uniform(0.5, 10.0, 2000)
+    y = Spread(0.05, 0.1, 0.5)(x) * rng.standard_normal(2000)
+    found = scoring.fit_spread(y, x, 1e-9, FLAT[2:])
+
+    def lost(p):
+        sigma = np.hypot(p[0], p[1] * x ** p[2])
+        return np.sum(np.log(sigma) + 0.5 * (y / sigma) ** 2)
+
+    best, step = np.array(found.spread), 0.02 * np.sqrt(np.diag(found.cov))
+    E = np.diag(step)
+    curvature = [
+        [lost(best + a + b) - lost(best + a - b) - lost(best - a + b) + lost(best - a - b) for a in E] for b in E
+    ]
+    np.testing.assert_allclose(np.array(curvature) / (4 * np.outer(step, step)) @ found.cov, np.eye(3), atol=0.05)
+
+
 def test_standard_errors_match_the_scatter_over_repeated_draws():
     """200 draws: each ratio scatters by 5 %, so ±20 % fails a right answer less than once in 10 000 for the five."""
     fits = [scoring.fit(y, line(x), x, 1e-9, FLAT) for x, y in map(drawn, map(np.random.default_rng, range(200)))]
