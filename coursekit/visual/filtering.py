@@ -209,9 +209,7 @@ def mode(cloud: Particles, cell: float = 40.0) -> Gaussian:
     heavy = cloud.weights > 1e-6 / len(cloud)
     occupied[tuple(rows[heavy].T)] = True
     clump = label(occupied, structure=np.ones((3, 3)))[0][tuple(rows.T)] * heavy
-    mass = np.bincount(clump, weights=cloud.weights)
-    mass[0] = 0
-    inside = clump == mass.argmax()
+    inside = clump == np.bincount(clump, weights=cloud.weights).argmax()
     chosen = Particles(cloud.states[inside], cloud.log_weights[inside], angles=cloud.angles)
     return Gaussian(particles.mean(chosen), _at_least(particles.covariance(chosen)))
 

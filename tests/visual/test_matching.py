@@ -113,6 +113,11 @@ def test_the_homography_the_pose_and_the_pairs_tell_one_story(sea, matcher):
     assert np.array_equal(fix.pose, [fix.x, fix.y, fix.yaw]) and fix
 
 
+def test_a_corner_with_two_orientations_is_one_piece_of_evidence(sea, matcher):
+    pairs = np.round(matcher.match(sea[CUT]) * 4)
+    assert len(pairs) == len(np.unique(pairs[:, :2], axis=0)) == len(np.unique(pairs[:, 2:], axis=0))
+
+
 def test_a_belief_is_the_fix_in_the_odometrys_frame(sea, matcher):
     fix = matcher.locate(sea[CUT])
     assert np.array_equal(fix.belief.mean, odometry_from_image(fix.pose))
