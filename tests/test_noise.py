@@ -213,10 +213,10 @@ def test_r_is_finite_symmetric_and_positive_definite_for_any_measurement(fit):
 
 
 def test_a_height_with_pixels_too_many_never_sends_a_range_to_infinity_or_behind_the_robot():
-    model = fit_calibrated(drive(np.random.default_rng(12), missing=-4.0, high=12.0))
+    model = fit_calibrated(drive(np.random.default_rng(12), missing=-4.0, high=300.0, pixels=0.05))
     assert model.shortfall == pytest.approx(-4 / 265, rel=0.1)
-    corrected, _ = model.correct(np.linspace(0.1, 300, 1000), 0.0)
-    assert np.all(np.isfinite(corrected)) and np.all(np.diff(corrected) > 0) and corrected[-1] < 600
+    corrected, _ = model.correct(np.linspace(0.1, 1000, 1000), 0.0)
+    assert np.all(np.isfinite(corrected)) and np.all(np.diff(corrected) > 0) and corrected[-1] < 1300
 
 
 def test_a_log_without_errors_still_leaves_a_least_spread():
