@@ -210,12 +210,19 @@ def test_a_bar_in_front_is_noticed_whatever_its_colour(bar):
     assert isinstance(got, Rejected) and got.reason.startswith("occluded")
 
 
-def test_two_landmarks_of_one_colour_are_not_taken_for_one():
-    pair = [Cylinder((1.5, 0.0)), Cylinder((3.0, 0.25))]
-    got = measure(
-        find_corners(render(COURSE_CAMERA, [0, 0, 0], pair, rng=np.random.default_rng(0)), "cyan"), COURSE_CAMERA
-    )
-    assert isinstance(got, Rejected)
+@pytest.mark.parametrize("distance", [1.7, 1.9, 2.2, 2.6, 3.0])
+def test_two_landmarks_of_one_colour_that_touch_are_not_taken_for_one(distance):
+    pair = [Cylinder((1.5, 0.0)), Cylinder((distance, 0.08 * distance))]
+    image = render(COURSE_CAMERA, [0, 0, 0], pair, rng=np.random.default_rng(0))
+    assert isinstance(measure(find_corners(image, "cyan"), COURSE_CAMERA), Rejected)
+
+
+def test_a_low_thing_that_hides_the_foot_is_noticed():
+    """It leaves top and both sides in sight: only what shows below the visible bottom gives it away."""
+    low = Cylinder((2.0, 0.0), radius=0.35, height=0.16, colour="magenta")
+    image = render(COURSE_CAMERA, [0, 0, 0], [Cylinder((3.0, 0.0)), low], rng=np.random.default_rng(0))
+    got = measure(find_corners(image, "cyan"), COURSE_CAMERA)
+    assert isinstance(got, Rejected) and got.reason.startswith("occluded")
 
 
 # Corners by hand: the same door for everybody's corners.
