@@ -219,7 +219,7 @@ def test_two_landmarks_of_one_colour_that_touch_are_not_taken_for_one(distance):
 
 def test_a_low_thing_that_hides_the_foot_is_noticed():
     """It leaves top and both sides in sight: only what shows below the visible bottom gives it away."""
-    low = Cylinder((2.0, 0.0), radius=0.35, height=0.16, colour="magenta")
+    low = Cylinder((2.0, 0.0), radius=0.35, height=0.1, colour="magenta")
     image = render(COURSE_CAMERA, [0, 0, 0], [Cylinder((3.0, 0.0)), low], rng=np.random.default_rng(0))
     got = measure(find_corners(image, "cyan"), COURSE_CAMERA)
     assert isinstance(got, Rejected) and got.reason.startswith("occluded")
