@@ -26,7 +26,7 @@ from sphinx.cmd.build import main as sphinx
 
 sys.path.insert(0, str(Path(__file__).parent))
 import cover
-from execute import ROOT, LabFailed, execute, read
+from execute import ROOT, LabFailed, execute, read, recordings
 
 BOOK = ROOT / "book"
 BUILD = BOOK / "_build"
@@ -140,9 +140,14 @@ def main(arguments: list[str] | None = None) -> int:
     options = parser.parse_args(arguments)
     began = time.perf_counter()
     chosen = labs(options.only)
+    here, missing = recordings()
+    for why in missing:
+        print(f"The labs go without a recording, and say so.  {why}", file=sys.stderr)
+    if missing and os.environ.get("CI"):
+        return 1  # what is published shows everything
     try:
         # A lab that was not asked for is there as it is written, so that links to it lead somewhere.
-        gather({path: read(path) for path in labs()} | execute(chosen, options.jobs, BUILD / "executed"))
+        gather({path: read(path) for path in labs()} | execute(chosen, options.jobs, BUILD / "executed", also=here))
     except LabFailed as failed:
         print(failed, file=sys.stderr)
         return 1

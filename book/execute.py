@@ -20,6 +20,8 @@ from nbclient.exceptions import CellExecutionError
 from tqdm import tqdm
 from traitlets.config import Config
 
+from coursekit import datasets
+
 ROOT = Path(__file__).resolve().parents[1]
 TIMEOUT = 300  # seconds for one cell; the slowest draws some 150 frames
 # One thread a kernel, since the kernels share the cores; sliders in their published form.
@@ -40,13 +42,26 @@ def code(notebook: nbformat.NotebookNode) -> list[str]:
     return [cell.source for cell in notebook.cells if cell.cell_type == "code"]
 
 
-def surroundings(root: Path = ROOT) -> str:
-    """A digest of all that a lab's pictures depend on beside its own code."""
-    digest = hashlib.sha256(f"{sys.version} {os.environ.get('COURSEKIT_DATA', '')}".encode())
-    lock = [root / "requirements.lock"] if (root / "requirements.lock").exists() else []
-    for path in [*lock, *sorted((root / "coursekit").rglob("*")), *sorted((root / "data").rglob("*"))]:
+def recordings() -> tuple[list[Path], list[str]]:
+    """The files of other people's recordings that are here, and for each recording that is not, why."""
+    here, missing = [], []
+    for name, origin in datasets.ORIGINS.items():
+        try:
+            here += [datasets.locate(name) / file for file in sorted(origin.sha256)]
+        except datasets.DatasetUnavailable as error:
+            missing.append(str(error))
+    return here, missing
+
+
+def surroundings(root: Path = ROOT, also: Iterable[Path] = ()) -> str:
+    """A digest of all that a lab's pictures depend on beside its own code; ``also`` are files from elsewhere."""
+    digest = hashlib.sha256(sys.version.encode())
+    own = [root / "requirements.lock", *sorted((root / "coursekit").rglob("*")), *sorted((root / "data").rglob("*"))]
+    for path in own:
         if path.is_file() and "__pycache__" not in path.parts:
             digest.update(path.relative_to(root).as_posix().encode() + path.read_bytes())
+    for path in also:
+        digest.update(path.name.encode() + path.read_bytes())
     return digest.hexdigest()
 
 
@@ -83,13 +98,15 @@ def with_outputs(notebook: nbformat.NotebookNode, executed: nbformat.NotebookNod
     return merged
 
 
-def execute(paths: Iterable[Path], jobs: int, cache: Path, root: Path = ROOT) -> dict[Path, nbformat.NotebookNode]:
+def execute(
+    paths: Iterable[Path], jobs: int, cache: Path, root: Path = ROOT, also: Iterable[Path] = ()
+) -> dict[Path, nbformat.NotebookNode]:
     """Every notebook with its outputs: from the cache where nothing changed, else run, ``jobs`` at a time.
 
     Raises ``LabFailed`` with every lab that failed; the runs that succeeded are kept.
     """
     cache.mkdir(parents=True, exist_ok=True)
-    around = surroundings(root)
+    around = surroundings(root, also)
     labs = {path: read(path) for path in paths}
     kept = {path: cache / f"{path.stem}-{key(lab, around)}.ipynb" for path, lab in labs.items()}
     stale = [path for path in labs if not kept[path].exists()]

@@ -154,6 +154,22 @@ def test_a_lab_is_stale_when_its_code_changes_but_not_when_its_prose_does():
     assert execute.key(lab, "around") != key
 
 
+def test_a_lab_is_stale_when_a_recording_of_others_arrives_or_changes(house):
+    file = house / "clouds.txt"
+    keys = [execute.surroundings(house)]
+    for content in ("1 2 3", "4 5 6"):
+        file.write_text(content)
+        keys.append(execute.surroundings(house, [file]))
+    assert len(set(keys)) == 3
+
+
+def test_the_site_is_not_published_without_the_recordings(monkeypatch, capsys):
+    monkeypatch.setattr(build, "recordings", lambda: ([], ["icp_clouds is not here"]))
+    monkeypatch.setenv("CI", "true")
+    assert build.main([]) == 1
+    assert "icp_clouds is not here" in capsys.readouterr().err
+
+
 def test_a_lab_is_run_once_with_static_sliders_and_kept(house, monkeypatch):
     lab = notebook(code("import os\nprint('static', os.environ['COURSEKIT_STATIC'])"), prose("One."))
     path = house / "01_lab.ipynb"
@@ -232,6 +248,7 @@ def tiny_site(tmp_path_factory):
     (root / "build" / "html" / "notebooks").mkdir(parents=True)
     (root / "build" / "html" / "notebooks" / "02_old_name.html").write_text("gone")
     with pytest.MonkeyPatch.context() as patch:
+        patch.delenv("CI", raising=False)
         patch.setattr(build, "BUILD", root / "build")
         patch.setattr(build, "SOURCE", root / "build" / "source")
         patch.setattr(build, "HTML", root / "build" / "html")
