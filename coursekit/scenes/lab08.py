@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Any
 
+import cv2
 import numpy as np
 from matplotlib.figure import Figure
 
@@ -67,10 +68,13 @@ def outline(pose: Array, scale: float = 1.0) -> Array:
     return np.column_stack([corners, np.ones(len(corners))]) @ frame_to_map(pose, scale).T
 
 
-def draw_map(ax: Any, title: str = " ") -> Any:
-    """The map with its pixels as axes; returns the title."""
+def draw_map(ax: Any, title: str = " ", faint: bool = False) -> Any:
+    """The map with its pixels as axes; returns the title.  ``faint`` leaves the detail to what is drawn on it, and
+    makes a published frame a third as large."""
     sea = seafloor.load()
-    ax.imshow(rgb(sea, 2), extent=(-0.5, 2559.5, 799.5, -0.5), interpolation="bilinear")
+    if faint:
+        sea = 255 - (255 - cv2.resize(sea, None, fx=1 / 6, fy=1 / 6, interpolation=cv2.INTER_AREA)) // 2
+    ax.imshow(rgb(sea, 1 if faint else 2), extent=(-0.5, 2559.5, 799.5, -0.5), interpolation="bilinear")
     ax.set(xlim=(0, 2560), ylim=(800, 0), xlabel="u, east [px]", ylabel="v, south [px]")
     ax.grid(visible=False)
     return ax.set_title(title)

@@ -46,7 +46,7 @@ class Matching:
         self.frame, self.window = left.imshow(blank, **where), right.imshow(blank, **where)
         (self.dots,) = left.plot([], [], ".", color="#00e5a8", ms=3.5)
         self.names = [left.set_title("the camera's frame", loc="center"), right.set_title(" ", loc="center")]
-        self.title = draw_map(below)
+        self.title = draw_map(below, faint=True)
         (self.outline,) = below.plot([], [], color=plotting.ESTIMATE, lw=2.4)
         (self.on_map,) = below.plot([], [], ".", color="#00e5a8", ms=1.5)
         self.moving: list[Artist] = [
@@ -100,7 +100,7 @@ class Following:
         panels: Any = self.figure.subfigures(2, 1, height_ratios=[1, 1.05])
         above = plotting.axes(panels[0])
         camera, near, error = plotting.axes(panels[1], 1, 3, width_ratios=[1, 1, 1.35])
-        self.title = draw_map(above)
+        self.title = draw_map(above, faint=True)
         (self.cloud,) = above.plot([], [], ".", color=plotting.ESTIMATE, ms=2.5)
         (self.outline,) = above.plot([], [], color=plotting.TRUTH, lw=1.6)
         self.frame = bare(camera).imshow(np.zeros((FRAME // 4, FRAME // 4, 3), np.uint8))
