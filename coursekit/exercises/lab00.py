@@ -34,9 +34,13 @@ def poses(answer: Any, rng: np.random.Generator) -> None:
             "You turned by b's heading; b's place is written in a's axes.": turned_by(b[2]),
             "The two poses changed places: first a, seen from the world; then b, seen from a.": compose(b, a),
             "The heading is right, but cos and sin want radians, and they got degrees.": in_degrees,
+            "You turned b into the world's axes and stopped there: the way begins at a, not at the origin.":
+                [*(right - a)[:2], right[2]],
+            "The place is right. The heading is a's alone, and b is turned against a.": [*right[:2], a[2]],
+            "The place is right. The heading is b's alone, and that counts from a's.": [*right[:2], b[2]],
         },
         otherwise="Stand at a, look along its x-axis: b lies b[0] ahead of you and b[1] to your left. Draw it.",
-    )
+    )  # fmt: skip
 
 
 @exercise("lab00.arc")
@@ -52,6 +56,9 @@ def arc(answer: Any, rng: np.random.Generator) -> None:
         return np.array([*transform([*pose[:2], pose[2] + angle], [turning[0] * dt, 0.0]), right[2]])
 
     mirrored = [*motion.f(pose, turning * [1, -1], dt)[:2], right[2]]
+    as_if_at_zero = [*(pose + motion.f(np.zeros(3), turning, dt))[:2], right[2]]
+    chord = turning[0] * dt * np.sinc(turn / 2)
+    without_pi = [*transform([*pose[:2], pose[2] + turn / 2], [chord, 0.0]), right[2]]
     close(
         call(answer, pose, turning, dt),
         right,
@@ -62,9 +69,13 @@ def arc(answer: Any, rng: np.random.Generator) -> None:
             "The place is right. The heading is outside (-π, π].": [*right[:2], pose[2] + turn],
             "You curve to the right, where ω > 0 is a turn to the left. Look at the signs.": mirrored,
             "You forgot to turn: the place is right, the heading is still the old one.": [*right[:2], pose[2]],
+            "That is the arc of a robot that looked along x. Where to its left is, depends on the old heading.":
+                as_if_at_zero,
+            "NumPy's sinc(t) is sin(πt)/(πt): what must you give it for sin(t)/t?": without_pi,
         },
-        otherwise="The centre of the circle lies v/ω to the left. Where on the circle do you end?",
-    )
+        otherwise="To the left is the direction θ + π/2. And seen from the centre: in which direction do you stand "
+        "before the turn, in which after it?",
+    )  # fmt: skip
     got = np.asarray(call(answer, pose, straight, dt), dtype=float)
     expect(
         bool(np.all(np.isfinite(got))),
@@ -73,7 +84,8 @@ def arc(answer: Any, rng: np.random.Generator) -> None:
     close(
         got,
         motion.f(pose, straight, dt),
-        otherwise="Curves are right; a straight line (ω = 0) ends in the wrong place. It wants its own limit.",
+        otherwise="Curves are right; a straight line (ω = 0) ends in the wrong place. It wants its own limit, "
+        "along the heading; a tiny ω in its place loses digits.",
     )
 
 
@@ -96,9 +108,11 @@ def propagation(answer: Any, rng: np.random.Generator) -> None:
             "That is only what this step adds. What of the doubt from before?": Q,
             "F P F is no covariance (is it symmetric?). One of the two wants a transpose.": F @ P @ F + Q,
             "G Gᵀ is the noise of wheels that err by 1 m/s and 1 rad/s: there is no σ in it.": F @ P @ F.T + G @ G.T,
+            "Your v and ω err in step, always with the same sign. They are independent: what is off their diagonal?":
+                F @ P @ F.T + np.outer(G @ sigmas, G @ sigmas),
         },
         otherwise="If e is the old error and w the wheels', the new one is F e + G w. What is its covariance?",
-    )
+    )  # fmt: skip
 
 
 @exercise("lab00.containment")
@@ -132,10 +146,18 @@ def containment(answer: Any, rng: np.random.Generator) -> None:
             "You measured in metres. How far is far depends on the direction, says the covariance.": metres,
             "The covariance multiplies where it must divide.": multiplied,
             "You used 95 %, whatever confidence was asked for.": share(squared, chi2.ppf(0.95, 2)),
+            "You took the logarithm of the share inside; e^(-d²/2) is what stays outside.":
+                share(squared, -2 * np.log(confidence)),
+            "The exponent is -d²/2: there is a factor 2 that you lost on the way to d².": share(squared, radius / 2),
+            "You divided each coordinate by its own σ. But the two errors go together: use the whole covariance.":
+                share(np.sum(error**2 / np.diag(cov), axis=1), radius),
+            "That is how many points are inside; wanted is which share of them.":
+                float(np.sum(squared <= radius)),
         },
-        otherwise="Inside, the squared Mahalanobis distance is at most a chi-square quantile. Which one?",
+        otherwise="Two steps: d² of each point from the mean and the covariance; then the d² at which the share "
+        "inside, 1 - e^(-d²/2), is the one that was asked for.",
         tolerance=1e-9,
-    )
+    )  # fmt: skip
 
 
 @exercise("lab00.honest_region")

@@ -35,6 +35,10 @@ def bearing_of_column(answer: Any, rng: np.random.Generator) -> None:
                 np.arctan(-u / camera.fx),
             "The principal point is where the optical axis meets the sensor, not half of the width.":
                 np.arctan((camera.width / 2 - u) / camera.fx),
+            "Your ratio is upside down: the tangent is left over ahead, and what lies ahead is the focal length.":
+                np.arctan2(camera.fx, camera.cx - u),
+            "cy belongs to rows; which number says where the optical axis meets the columns?":
+                np.arctan((camera.cy - u) / camera.fx),
         },
         otherwise="Draw the pinhole from above: how far left of the optical axis is the ray, at one focal length?",
     )  # fmt: skip
@@ -58,7 +62,7 @@ def range_from_height(answer: Any, rng: np.random.Generator) -> None:
             "You took θ for degrees before the cosine; it is in radians already.": depth / np.cos(np.radians(theta)),
             "Taller in the picture means nearer: your ratio is upside down.": height / (h * camera.fy) / c,
         },
-        otherwise="Two steps: similar triangles give the depth, then the right triangle with θ gives the range.",
+        otherwise="Two steps: similar triangles give the depth (rows, so fy), then a right triangle the range.",
     )  # fmt: skip
 
 
@@ -80,6 +84,11 @@ def axis_of_edges(answer: Any, rng: np.random.Generator) -> None:
             "That is half the angle between the edges: how wide the cylinder looks, not where it stands.":
                 (camera.bearing(left) - camera.bearing(right)) / 2,
             "That is the bearing of the left edge alone.": camera.bearing(left),
+            "That is the bearing of the right edge alone.": camera.bearing(right),
+            "That is the whole angle between the edges, not the middle of it.":
+                camera.bearing(left) - camera.bearing(right),
+            "You averaged the tangents, which is averaging the columns: take the angles first, then the mean.":
+                np.tan(camera.bearing((left + right) / 2)),
         },
         otherwise="The outline spans the angles φ ± asin(r/ρ): what do you do with the two of them to be left with φ?",
     )  # fmt: skip
@@ -101,6 +110,9 @@ def cost_of_a_pixel(answer: Any, rng: np.random.Generator) -> None:
             "A taller landmark or a longer lens makes a pixel cheaper: both belong under the line.": d**2 * h / f,
             "That is the change when the height is one pixel *less*, exactly; the derivative at d is simpler.":
                 d**2 / (h * f - d),
+            "That is the change when the height is one pixel *more*, exactly; take the derivative at d instead.":
+                d**2 / (h * f + d),
+            "Read it as Python does: d**2 / h * f multiplies by f. What must stand under the line?": d**2 / h * f,
         },
         otherwise="d = h f / n with n pixels: differentiate by n, then write n in terms of d again.",
     )  # fmt: skip
@@ -135,6 +147,17 @@ def robot_range_bearing(answer: Any, rng: np.random.Generator) -> None:
                 polar(x + r + offset, (x + r + offset) * t),
             "A full diameter is too much: the axis is one radius behind the rim.":
                 polar(x + 2 * r + offset, (x + 2 * r) * t),
+            "That is a bare pinhole: neither the radius nor the offset is in it.": polar(x, x * t),
+            "You added radius and offset to the range. Both are steps along x: add them before you go to polar.":
+                [float(np.hypot(x, x * t)) + r + offset, phi],
+            "Left of the optical axis is positive: your bearing has the wrong sign.":
+                polar(x + r + offset, -(x + r) * t),
+            "The radius goes to the depth before the step to the left is taken from it: that one grows, too.":
+                polar(x + r + offset, x * t),
+            "The height gives a depth, not a range: the axis is at [D, D tan φ], with no cosine or sine of φ.":
+                polar((x + r) * np.cos(phi) + offset, (x + r) * np.sin(phi)),
+            "Right numbers, wrong order: first the range, then the bearing.":
+                polar(x + r + offset, (x + r) * t)[::-1],
         },
         otherwise="Find the axis as a point [x, y] in the camera's frame, move the origin, then go back to polar.",
     )  # fmt: skip

@@ -49,7 +49,9 @@ class Stage:
             self.ax.add_patch(crate)
         (self.true_track,) = self.ax.plot([], [], color=plotting.TRUTH, label="where it went")
         (self.told_track,) = self.ax.plot([], [], color=plotting.ODOMETRY, ls="--", label="what its wheels told")
-        self.ellipse = plotting.draw_ellipse(self.ax, [0, 0], np.eye(2), plotting.ESTIMATE, label="95 % ellipse")
+        self.ellipse = plotting.draw_ellipse(
+            self.ax, [0, 0], np.eye(2), plotting.ESTIMATE, label="95 % ellipse", zorder=6
+        )
         self.ghost = plotting.draw_robot(self.ax, np.zeros(3), plotting.ODOMETRY, alpha=0.7)
         self.robot = plotting.draw_robot(self.ax, np.zeros(3), plotting.TRUTH)
         self.title = self.ax.set_title("the robot", loc="left")
@@ -308,10 +310,12 @@ def collapse(curves: dict[str, tuple[Array, Array]], runs: int) -> Figure:
     fig = plotting.figure(7.2, 4.0)
     ax = plotting.axes(fig)
     spread = 2 * np.sqrt(0.95 * 0.05 / runs)
-    ax.axhspan(0.95 - spread, 0.95 + spread, color=plotting.BAND, alpha=0.25, lw=0)
+    promise = f"the promise, as well as {runs:,} runs can tell"
+    ax.axhspan(0.95 - spread, 0.95 + spread, color=plotting.BAND, alpha=0.25, lw=0, label=promise)
     for (name, (bend, share)), marker in zip(curves.items(), "os^", strict=False):
         ax.plot(bend, share, marker=marker, ms=5, lw=1, label=name)
     ax.set(xscale="log", xlabel="turn noise × distance [track widths]", ylabel="share inside the 95 % ellipse")
+    ax.xaxis.set_major_formatter("{x:g}")
     ax.set_title("Three robots, one curve: when the banana bends, the ellipse breaks its promise", loc="left")
     ax.legend(loc="lower left")
     return fig
@@ -332,10 +336,11 @@ def broken(squared_radii: dict[str, float], tracks: dict[str, Array]) -> Figure:
     left.set_title("An ellipse sold as 95 %", loc="left")
     left.legend(loc="upper center")
     for (name, track), colour in zip(tracks.items(), colours, strict=True):
-        right.plot(*track[:, :2].T, "o-", ms=4, color=colour, label=name)
+        off = np.hypot(*(track[-1, :2] - [0, 2]))
+        right.plot(*track[:, :2].T, "o-", ms=4, color=colour, label=f"{name}: ends {off:.2f} m off")
     turn = np.linspace(0, np.pi, 60)
     right.plot(np.sin(turn), 1 - np.cos(turn), color=plotting.TRUTH, lw=1, ls="--", label="the truth")
-    right.set(aspect="equal", xlim=(-0.4, 1.8), ylim=(-0.3, 2.9), xlabel="x [m]", ylabel="y [m]")
+    right.set(aspect="equal", xlim=(-0.9, 2.5), ylim=(-0.3, 3.1), xlabel="x [m]", ylabel="y [m]")
     right.set_title("Half a circle in ten steps", loc="left")
     right.legend(loc="upper right")
     return fig

@@ -41,7 +41,7 @@ class FromAbove:
         self.figure = plotting.figure(7.6, 4.2)
         axes: Any = plotting.axes(self.figure, 1, 2, width_ratios=[1.15, 1])
         top, picture = axes
-        top.set(xlim=(-1.25, 1.25), ylim=(-0.75, 2.65), xlabel="left ←  y [m]  → right", ylabel="x, ahead [m]")
+        top.set(xlim=(-1.25, 1.25), ylim=(-0.75, 2.85), xlabel="left ←  y [m]  → right", ylabel="x, ahead [m]")
         top.set_aspect("equal")
         top.set_xticks([-1, 0, 1], ["1", "0", "−1"])
         plotting.draw_robot(top, [0, 0, np.pi / 2], colour=plotting.TRUTH, size=0.28)
@@ -71,6 +71,7 @@ class FromAbove:
     def update(self, distance: float, bearing: float, correction: str) -> None:
         """Distance [m] and bearing [rad] of the axis from the robot's centre."""
         d, b = measure_perfectly(distance, bearing, **CORRECTIONS[correction])
+        self.title.set_text(self.off(distance, bearing, correction))
         x, y = distance * np.cos(bearing), distance * np.sin(bearing)
         self.cylinder.center = (-y, x)
         self.truth.set_data([-y], [x])
@@ -79,11 +80,17 @@ class FromAbove:
         half, tangent = np.arcsin(RADIUS / rho), np.sqrt(rho**2 - RADIUS**2)
         for ray, angle in zip(self.rays, (phi + half, phi - half), strict=True):
             ray.set_data([0, -tangent * np.sin(angle)], [OFFSET, OFFSET + tangent * np.cos(angle)])
-        self.title.set_text(f"off by {d - distance:+.3f} m, {1e3 * (b - bearing):+.1f} mrad")
         self.outline.set_xy(outline(x - OFFSET, y))
         pixels = project_cylinder(distance, bearing, COURSE_CAMERA, HEIGHT, RADIUS, OFFSET)
         self.axis.set_data([pixels.axis_px, pixels.axis_px], [-0.5, 479.5])
         self.words.set_text(f"{pixels.height_px:.0f} px tall, axis at u = {pixels.axis_px:.0f}")
+
+    @staticmethod
+    def off(distance: float, bearing: float, correction: str) -> str:
+        """What a correction leaves of the error, in words."""
+        d, b = measure_perfectly(distance, bearing, **CORRECTIONS[correction])
+        along, aside = round(float(d - distance), 3) + 0.0, round(1e3 * float(b - bearing), 1) + 0.0  # no "-0.0"
+        return f"off by {along:+.3f} m, {aside:+.1f} mrad"
 
 
 def measure_perfectly(distance: Any, bearing: Any, **correction: float) -> tuple[Array, Array]:
@@ -106,27 +113,40 @@ def outline(x: float, y: float, eye: float = 0.22) -> Array:
 
 
 class WhatAPixelCosts:
-    """A thousand noisy pictures of one cylinder, as positions: the cloud, its linearised ellipse, d²/(h f)."""
+    """Six hundred noisy pictures of one cylinder, as positions: the cloud, its linearised ellipse, d²/(h f)."""
+
+    REACHES = (0.1, 0.2, 0.5, 1.0, 2.0, 5.0)  # half the width of the left picture, m: it follows the cloud in steps
 
     def __init__(self) -> None:
         self.figure = plotting.figure(7.6, 4.2)
         axes: Any = plotting.axes(self.figure, 1, 2, width_ratios=[1.2, 1])
         cloud, curve = axes
-        cloud.set(xlim=(-1.6, 1.6), ylim=(-0.09, 0.09), xlabel="error along the ray [m]",
-                  ylabel="error across the ray [m]")  # fmt: skip
+        cloud.set(xlabel="error along the ray [m]  (the scale follows)", ylabel="error across the ray [mm]")
+        cloud.yaxis.set_major_formatter("{x:g}")
+        cloud.yaxis.set_label_coords(-0.16, 0.5)  # where it has room beside the longest tick labels
         self.noise = np.random.default_rng(2).standard_normal((600, 2))
         (self.dots,) = cloud.plot([], [], ".", color=plotting.MEASUREMENT, ms=3, alpha=0.35)
         (self.ellipse,) = cloud.plot([], [], color=plotting.ESTIMATE)
-        cloud.plot(0, 0, "+", color=plotting.TRUTH, ms=11, mew=2)
+        (truth,) = cloud.plot(0, 0, "+", color=plotting.TRUTH, ms=11, mew=2)
+        self.cloud = cloud
         self.title = cloud.set_title(" ")
-        cloud.legend([self.dots, self.ellipse], ["600 pictures", "95 % by the Jacobian"], loc="lower left",
-                     handletextpad=0.4)  # fmt: skip
+        legend = cloud.legend([self.dots, self.ellipse], ["600 pictures", "95 % by the Jacobian"], loc="lower left",
+                              handletextpad=0.4)  # fmt: skip
         self.d = np.linspace(0.7, 12, 100)
-        curve.set(xlim=(0, 12), ylim=(0, 1.0), xlabel="distance [m]", ylabel="range error of one pixel [m]")
+        curve.set(
+            xlim=(0, 12.5),
+            ylim=(0, 1.15),
+            xticks=range(0, 13, 2),
+            xlabel="distance [m]",
+            ylabel="range error of one pixel [m]",
+        )
         (self.law,) = curve.plot([], [], color=plotting.ESTIMATE)
         (self.here,) = curve.plot([], [], "o", color=plotting.MEASUREMENT, ms=8)
         self.words = curve.set_title(" ")
-        self.moving: list[Artist] = [self.dots, self.ellipse, self.title, self.law, self.here, self.words]
+        self.moving: list[Artist] = [
+            cloud.xaxis, cloud.yaxis, self.dots, self.ellipse, truth, legend, self.title,
+            self.law, self.here, self.words
+        ]  # fmt: skip
 
     def update(self, distance: float, pixel_noise: float, focal_length: int) -> None:
         """Distance [m] at a bearing of 0.15 rad; standard deviation of height and axis [px]; focal length [px]."""
@@ -138,8 +158,12 @@ class WhatAPixelCosts:
         d, b = range_bearing(height, axis, camera, **correct)
         J = range_bearing_jacobian(pixels.height_px, pixels.axis_px, camera, **correct) * pixel_noise
         J[1] *= distance  # an angle, as metres across the ray
-        self.dots.set_data(d - distance, distance * (b - 0.15))
-        self.ellipse.set_data(*ellipse(J @ J.T).T)
+        self.dots.set_data(d - distance, 1e3 * distance * (b - 0.15))
+        along, across = ellipse(J @ J.T).T
+        self.ellipse.set_data(along, 1e3 * across)
+        needed = 1.3 * max(along.max(), 20 * across.max())  # across, a picture shows twenty times less than along
+        reach = min((reach for reach in self.REACHES if reach >= needed), default=self.REACHES[-1])
+        self.cloud.set(xlim=(-reach, reach), ylim=(-50 * reach, 50 * reach))
         spread = float(np.sqrt((J @ J.T)[0, 0]))
         self.title.set_text(f"at {distance:g} m: σ of the range {spread:.3f} m")
         law = self.d**2 / (HEIGHT * focal_length)
@@ -148,12 +172,23 @@ class WhatAPixelCosts:
         self.here.set_data([distance], [cost])
         self.words.set_text(f"d²/(h f) = {cost:.3f} m a pixel")
 
+    @staticmethod
+    def words_for(distance: float, pixel_noise: float, focal_length: int) -> str:
+        """The text alternative of a frame."""
+        cost = distance**2 / (HEIGHT * focal_length)
+        return (
+            f"A cloud of position errors with its ellipse. One pixel of height costs {cost:.3f} m at {distance:g} m, "
+            "a quarter of it at half the distance"
+        )
+
 
 def corrections_compared(distances: Array, errors: dict[str, Array], predicted: Array, pixel: Array) -> Figure:
     """Range errors of rendered views, with and without corrections, over what geometry and one pixel predict."""
     fig = plotting.figure(7.2, 3.9)
     ax = plotting.axes(fig)
-    ax.fill_between(distances, -pixel, pixel, color=plotting.BAND, alpha=0.18, lw=0, label="± a tenth of a pixel of height")
+    ax.fill_between(
+        distances, -pixel, pixel, color=plotting.BAND, alpha=0.18, lw=0, label="± a tenth of a pixel of height"
+    )
     ax.plot(distances, predicted, color=plotting.TRUTH, lw=1, ls="--", label="−radius/cos θ − offset: the geometry")
     for (name, error), colour in zip(errors.items(), (plotting.MEASUREMENT, plotting.ESTIMATE), strict=False):
         ax.plot(distances, error, ".", ms=5, color=colour, label=name)
@@ -163,13 +198,14 @@ def corrections_compared(distances: Array, errors: dict[str, Array], predicted: 
 
 
 def bearing_of_the_mean_pixel(distances: tuple[float, ...] = (0.7, 1.0, 2.0)) -> Figure:
-    """How far the mean of the two edge pixels points past the axis, over bearing, for a few distances."""
+    """How far the mean of the two edge columns points past the axis, over bearing, for a few distances."""
     fig = plotting.figure(7.2, 3.6)
     ax = plotting.axes(fig)
     bearing = np.linspace(-0.6, 0.6, 121)
     lines = [ax.plot(bearing, 1e3 * (mean_pixel_bearing(d, bearing) - bearing), label=f"{d:g} m")[0] for d in distances]
     plotting.label_lines(ax, lines)
-    ax.axhline(0, color=plotting.BAND, lw=1.4)
+    ax.axhline(0, color=plotting.TRUTH, lw=1.4, ls="--")
+    ax.annotate("mean of the angles, at any distance", (-0.59, 0.4), color=plotting.TRUTH, va="bottom", fontsize=9.5)
     ax.set(xlabel="true bearing [rad]", ylabel="bearing error [mrad]", xlim=(-0.6, 0.68))
-    ax.set_title("The mean of the pixels points too far out; the mean of the angles (green) is exact")
+    ax.set_title("The mean of the columns points too far out, most of all close by")
     return fig

@@ -89,6 +89,25 @@ def arc_to_the_right(pose, control, dt):
     return np.array([*arc(pose, control * [1, -1], dt)[:2], after])
 
 
+def arc_as_if_heading_were_zero(pose, control, dt):
+    way = arc([0.0, 0.0, 0.0], control, dt)
+    return np.array([pose[0] + way[0], pose[1] + way[1], wrap_angle(pose[2] + way[2])])
+
+
+def arc_with_a_sinc_of_its_own(pose, control, dt):
+    half = control[1] * dt / 2
+    chord = control[0] * dt * np.sinc(half)
+    x, y = pose[0] + chord * np.cos(pose[2] + half), pose[1] + chord * np.sin(pose[2] + half)
+    return np.array([x, y, wrap_angle(pose[2] + 2 * half)])
+
+
+def arc_round_the_other_centre(pose, control, dt):
+    """The centre to the right, the turn to the left."""
+    radius, after = control[0] / (control[1] or 1e-9), pose[2] + control[1] * dt
+    x, y = pose[0] + radius * np.sin(pose[2]), pose[1] - radius * np.cos(pose[2])
+    return np.array([x + radius * np.sin(after), y - radius * np.cos(after), wrap_angle(after)])
+
+
 def arc_that_stays_on_straight_lines(pose, control, dt):
     return arc(pose, control, dt) if control[1] else np.array(pose)
 
@@ -186,6 +205,9 @@ ANSWERS = {
             "swapped": (lambda a, b: compose(b, a), "changed places"),
             "degrees": (compose_turning_by(lambda a, b: np.degrees(a[2])), "want radians"),
             "in place": (compose_in_place, "changes its argument"),
+            "a forgotten": (lambda a, b: np.array([*(compose(a, b) - a)[:2], compose(a, b)[2]]), "not at the origin"),
+            "a's heading": (lambda a, b: np.array([*compose(a, b)[:2], a[2]]), "is a's alone"),
+            "b's heading": (lambda a, b: np.array([*compose(a, b)[:2], b[2]]), "is b's alone"),
         },
     ),
     "lab00.arc": Answers(
@@ -203,6 +225,9 @@ ANSWERS = {
             "right for left": (arc_to_the_right, "curve to the right"),
             "heading kept": (lambda pose, control, dt: [*arc(pose, control, dt)[:2], pose[2]], "forgot to turn"),
             "no straight lines": (arc_without_straight_lines, "v/ω is not a number"),
+            "as if along x": (arc_as_if_heading_were_zero, "looked along x"),
+            "sinc without π": (arc_with_a_sinc_of_its_own, "sin(πt)/(πt)"),
+            "the other centre": (arc_round_the_other_centre, "direction θ + π/2"),
             "stands still when straight": (arc_that_stays_on_straight_lines, "wants its own limit"),
         },
     ),
@@ -218,6 +243,7 @@ ANSWERS = {
             "only Q": (lambda P, F, G, s: G @ np.diag(s**2) @ G.T, "only what this step adds"),
             "FPF": (lambda P, F, G, s: F @ P @ F + G @ np.diag(s**2) @ G.T, "wants a transpose"),
             "unit noise": (lambda P, F, G, s: F @ P @ F.T + G @ G.T, "no σ in it"),
+            "in step": (lambda P, F, G, s: F @ P @ F.T + G @ np.outer(s, s) @ G.T, "err in step"),
         },
     ),
     "lab00.containment": Answers(
@@ -232,6 +258,14 @@ ANSWERS = {
             "outside": (lambda *a: 1 - containment(*a), "the points outside"),
             "metres": (counted(lambda p, m, c: np.sum((p - m) ** 2, axis=1), plane), "measured in metres"),
             "times cov": (counted(lambda p, m, c: np.sum((p - m) * ((p - m) @ c), axis=1), plane), "must divide"),
+            "log of the share": (counted(mahalanobis, lambda c: -2 * np.log(c)), "what stays outside"),
+            "factor lost": (counted(mahalanobis, lambda c: -np.log(1 - c)), "a factor 2"),
+            "axis by axis": (
+                counted(lambda p, m, c: np.sum((p - m) ** 2 / np.diag(c), axis=1), plane),
+                "by its own σ",
+            ),
+            "count": (lambda p, m, c, q: np.sum(mahalanobis(p, m, c) <= plane(q)), "how many"),
+            "radius² 3": (counted(mahalanobis, lambda c: 3.0), "Two steps"),
             "always 95 %": (counted(mahalanobis, lambda c: plane(0.95)), "whatever confidence"),
             "mask": (lambda p, m, c, q: mahalanobis(p, m, c) <= plane(q), "one number"),
         },

@@ -48,6 +48,16 @@ def wrong_lever(height, axis, camera, h, r, offset):
     return polar(x, x * (camera.cx - axis) / camera.fx)
 
 
+def left_of_the_rim(height, axis, camera, h, r, offset):
+    x = depth(height, camera, h)
+    return polar(x + r + offset, x * (camera.cx - axis) / camera.fx)
+
+
+def depth_as_range(height, axis, camera, h, r, offset):
+    d, phi = depth(height, camera, h) + r, math.atan((camera.cx - axis) / camera.fx)
+    return polar(d * math.cos(phi) + offset, d * math.sin(phi))
+
+
 ANSWERS = {
     "lab02.bearing_of_column": Answers(
         stub=stub,
@@ -63,6 +73,9 @@ ANSWERS = {
                 lambda u, camera: np.arctan((camera.width / 2 - u) / camera.fx),
                 "not half of the width",
             ),
+            "upside down": (lambda u, camera: np.arctan2(camera.fx, camera.cx - u), "ratio is upside down"),
+            "the row's centre": (lambda u, camera: np.arctan((camera.cy - u) / camera.fx), "cy belongs to rows"),
+            "a sine": (lambda u, camera: np.arcsin((camera.cx - u) / camera.fx), "Draw the pinhole"),
             "changed in place": (scaled_in_place, "changes its argument"),
         },
     ),
@@ -76,6 +89,7 @@ ANSWERS = {
             "wrong focal length": (lambda n, theta, camera, h: h * camera.fx / n / np.cos(theta), "belongs to rows"),
             "sine": (lambda n, theta, camera, h: depth(n, camera, h) / np.sin(theta), "A sine belongs"),
             "degrees": (lambda n, theta, camera, h: depth(n, camera, h) / np.cos(np.radians(theta)), "for degrees"),
+            "depth by the other focal length": (lambda n, theta, camera, h: h * camera.fx / n, "rows, so fy"),
             "upside down": (lambda n, theta, camera, h: n / (h * camera.fy) / np.cos(theta), "upside down"),
         },
     ),
@@ -95,6 +109,12 @@ ANSWERS = {
             "not halved": (lambda a, b, camera: camera.bearing(a) + camera.bearing(b), "forgot to halve"),
             "half width": (lambda a, b, camera: (camera.bearing(a) - camera.bearing(b)) / 2, "how wide"),
             "left edge": (lambda a, b, camera: camera.bearing(a), "left edge alone"),
+            "right edge": (lambda a, b, camera: camera.bearing(b), "right edge alone"),
+            "whole width": (lambda a, b, camera: camera.bearing(a) - camera.bearing(b), "the whole angle"),
+            "mean tangent": (
+                lambda a, b, camera: (math.tan(camera.bearing(a)) + math.tan(camera.bearing(b))) / 2,
+                "averaged the tangents",
+            ),
         },
     ),
     "lab02.cost_of_a_pixel": Answers(
@@ -108,6 +128,8 @@ ANSWERS = {
             "signed": (lambda d, h, f: -(d**2) / (h * f), "The sign says"),
             "height on top": (lambda d, h, f: d**2 * h / f, "both belong under"),
             "finite step": (lambda d, h, f: h * f / (h * f / d - 1) - d, "one pixel *less*"),
+            "finite step down": (lambda d, h, f: d - h * f / (h * f / d + 1), "one pixel *more*"),
+            "no brackets": (lambda d, h, f: d**2 / h * f, "as Python does"),
         },
     ),
     "lab02.robot_range_bearing": Answers(
@@ -131,6 +153,18 @@ ANSWERS = {
             "the camera's bearing": (camera_bearing, "still the camera's"),
             "offset on the left, too": (wrong_lever, "along its own x only"),
             "diameter": (lambda n, u, c, h, r, o: reference_position(n, u, c, h, 2 * r, o), "A full diameter"),
+            "bare pinhole": (lambda n, u, c, h, r, o: reference_position(n, u, c, h, 0.0, 0.0), "bare pinhole"),
+            "added to the range": (
+                lambda n, u, c, h, r, o: (
+                    depth(n, c, h) * math.hypot(1, (c.cx - u) / c.fx) + r + o,
+                    math.atan((c.cx - u) / c.fx),
+                ),
+                "before you go to polar",
+            ),
+            "mirrored": (lambda n, u, c, h, r, o: reference_position(n, 2 * c.cx - u, c, h, r, o), "wrong sign"),
+            "left without the radius": (left_of_the_rim, "that one grows"),
+            "depth as range": (depth_as_range, "with no cosine or sine"),
+            "swapped": (lambda n, u, c, h, r, o: reference_position(n, u, c, h, r, o)[::-1], "wrong order"),
             "range only": (lambda n, u, c, h, r, o: reference_position(n, u, c, h, r, o)[0], "Return two numbers"),
         },
     ),
