@@ -43,7 +43,7 @@ def story() -> Dive:
 
 def training() -> Dive:
     """A dive over rocks and weed, all frames of which match: what the motion is calibrated on."""
-    return dive(seafloor.load(), 50, 3, start=[420, 380, 1.0], targets=[[820, 420], [600, 360], [500, 440]])
+    return dive(seafloor.load(), 38, 3, start=[420, 380, 1.0], targets=[[820, 420], [600, 360], [500, 440]])
 
 
 def look_at(dived: Dive, matcher: MapMatcher) -> list[Fix | Rejected]:

@@ -129,6 +129,11 @@ def test_a_belief_is_the_fix_in_the_odometrys_frame(sea, matcher):
     assert turned[0, 1] == -2.0 and turned[1, 2] == 0.01 and np.array_equal(np.diag(turned), [4, 9, 1e-4])
 
 
+def test_a_fix_made_by_hand_is_good_to_a_pixel():
+    fix = Fix(10.0, 20.0, 0.5, 30, np.eye(3))
+    assert np.array_equal(np.diag(fix.belief.cov), [1, 1, 1e-4]) and fix.scale == 1
+
+
 def test_two_matchers_of_one_map_agree_to_the_last_bit_and_change_nothing(sea, matcher):
     frame = look(sea, [700, 380, 1.0], noise=5, rng=np.random.default_rng(2))
     given = frame.copy()
