@@ -54,7 +54,7 @@ class Verdict:
         colour, mark, word = ("#1b7f4b", "✓", "Correct") if self.passed else ("#b3541e", "✗", "Not yet")
         hint = f'<div style="margin-top:.3em">{html.escape(self.hint)}</div>' if self.hint else ""
         return (
-            f'<div role="status" style="border-left:.35em solid {colour};padding:.5em .9em;margin:.3em 0;max-width:46em">'
+            f'<div role="status" style="border-left:.35em solid {colour};padding:.5em .9em;margin:.3em 0">'
             f'<b style="color:{colour}">{mark} {word}</b> <code>{html.escape(self.name)}</code>{hint}</div>'
         )
 

@@ -35,7 +35,10 @@ def vector(*entries: Any) -> Array:
     """The entries put together again along a last axis."""
     if type(entries[0]) is float is type(entries[-1]):
         return np.array(entries)
-    return np.stack(np.broadcast_arrays(*entries), axis=-1)
+    together = np.empty((*np.broadcast_shapes(*map(np.shape, entries)), len(entries)))
+    for i, entry in enumerate(entries):
+        together[..., i] = entry
+    return together
 
 
 def functions(angle: Any) -> Any:
