@@ -23,12 +23,16 @@ From the top down:
 ``surface``       normals from neighbours
 ``uncertainty``   the covariance of the answer, and what the clouds cannot tell
 ``start``         a start for clouds of which nothing is known
+``odometry``      lidar scans laid on each other: a track, a map
+``graph``         closing a loop
 
 Source: Besl & McKay (1992); Chen & Medioni (1992).
 """
 
 from coursekit.icp.fit import KERNELS, Undetermined, move, point_to_plane, point_to_point
+from coursekit.icp.graph import Edge, relax
 from coursekit.icp.matching import NOBODY, BruteForce, KdTree
+from coursekit.icp.odometry import Track, scan_to_map, scan_to_scan
 from coursekit.icp.pairing import Step
 from coursekit.icp.registration import Registration, align
 from coursekit.icp.start import find_start
@@ -39,9 +43,11 @@ __all__ = [
     "KERNELS",
     "NOBODY",
     "BruteForce",
+    "Edge",
     "KdTree",
     "Registration",
     "Step",
+    "Track",
     "Undetermined",
     "align",
     "find_start",
@@ -49,5 +55,8 @@ __all__ = [
     "normals",
     "point_to_plane",
     "point_to_point",
+    "relax",
+    "scan_to_map",
+    "scan_to_scan",
     "uncertainty",
 ]
