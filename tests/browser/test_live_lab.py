@@ -117,8 +117,8 @@ def test_a_lab_runs_in_jupyterlab_and_its_picture_follows_a_slider(page, jupyter
     page.locator(IDLE).wait_for(timeout=RUN * 1000)
     assert page.locator('.jp-OutputArea [data-mime-type="application/vnd.jupyter.error"]').count() == 0
 
-    # The first explorer with a slider: its handle takes the keyboard.
-    box = page.locator(".jp-OutputArea .widget-vbox:has(.noUi-handle):has(img)").first
+    # The first explorer with a slider (it says what it shows); its handle takes the keyboard.
+    box = page.locator(".jp-OutputArea .widget-vbox:has(.noUi-handle):has(img):has(p[aria-live])").first
     handle, picture = box.locator(".noUi-handle").first, box.locator("img").first
     picture.scroll_into_view_if_needed()
     before = picture.get_attribute("src")
