@@ -1,0 +1,219 @@
+"""Lab 6: who must pass, who must fail, and with which hint."""
+
+import numpy as np
+from scipy.spatial import cKDTree
+from scipy.spatial.transform import Rotation
+
+from tests.exercises.answers import Answers
+
+
+def stub(*arguments):
+    raise NotImplementedError
+
+
+def table(source, target):
+    return np.linalg.norm(source[:, None] - target[None], axis=2)
+
+
+def pair_up(source, target, reach):
+    d = table(source, target)
+    return np.where(d.min(axis=1) <= reach, d.argmin(axis=1), -1)
+
+
+def pair_up_by_tree(source, target, reach):
+    distance, index = cKDTree(target).query(source)
+    return [int(i) if d <= reach else -1 for d, i in zip(distance, index, strict=True)]
+
+
+def pair_up_from_the_target(source, target, reach):
+    return pair_up(target, source, reach)
+
+
+def pair_up_dropping(source, target, reach):
+    found = pair_up(source, target, reach)
+    return found[found >= 0]
+
+
+def pair_up_squared(source, target, reach):
+    d = table(source, target) ** 2
+    return np.where(d.min(axis=1) <= reach, d.argmin(axis=1), -1)
+
+
+def decomposed(p, q):
+    U, _, Vt = np.linalg.svd(q.T @ p)
+    return U, Vt, np.sign(np.linalg.det(U @ Vt))
+
+
+def best_rotation(p, q):
+    U, Vt, sign = decomposed(p, q)
+    return U @ np.diag([1, 1, sign]) @ Vt
+
+
+def best_rotation_by_scipy(p, q):
+    return Rotation.align_vectors(q, p)[0].as_matrix()
+
+
+def always_flipped(p, q):
+    U, Vt, _ = decomposed(p, q)
+    return U @ np.diag([1, 1, -1]) @ Vt
+
+
+def moved(R, t, source, target, matches):
+    return source[matches[:, 0]] @ R.T + t - target[matches[:, 1]]
+
+
+def rmse(R, t, source, target, matches):
+    return np.sqrt(np.mean(np.sum(moved(R, t, source, target, matches) ** 2, axis=1)))
+
+
+def rmse_by_loop(R, t, source, target, matches):
+    return (sum(np.linalg.norm(R @ source[i] + t - target[j]) ** 2 for i, j in matches) / len(matches)) ** 0.5
+
+
+def rows(points, normals):
+    return np.column_stack([normals, points[:, 0] * normals[:, 1] - points[:, 1] * normals[:, 0]])
+
+
+def along(normals, q, p):
+    return np.sum(normals * (q - p), axis=1)
+
+
+def plane_step(p, q, normals):
+    return np.linalg.lstsq(rows(p, normals), along(normals, q, p), rcond=None)[0]
+
+
+def plane_step_by_normal_equations(p, q, normals):
+    H, g = np.zeros((3, 3)), np.zeros(3)
+    for a, b, n in zip(p, q, normals, strict=True):
+        J = np.array([*n, n @ [-a[1], a[0]]])
+        H, g = H + np.outer(J, J), g + J * (n @ (b - a))
+    return np.linalg.solve(H, g)
+
+
+def point_step(p, q, normals):
+    J = np.zeros((2 * len(p), 3))
+    J[0::2, 0] = J[1::2, 1] = 1
+    J[0::2, 2], J[1::2, 2] = -p[:, 1], p[:, 0]
+    return np.linalg.lstsq(J, (q - p).ravel(), rcond=None)[0]
+
+
+def wall_covariance(normals, arms, sigma):
+    J = rows(arms, normals)
+    return sigma**2 * np.linalg.inv(J.T @ J)
+
+
+def wall_covariance_by_qr(normals, arms, sigma):
+    R = np.linalg.qr(rows(arms, normals) / sigma)[1]
+    root = np.linalg.solve(R, np.eye(3))
+    return root @ root.T
+
+
+def every_coordinate(normals, arms, sigma):
+    J = np.zeros((2 * len(arms), 3))
+    J[0::2, 0] = J[1::2, 1] = 1
+    J[0::2, 2], J[1::2, 2] = -arms[:, 1], arms[:, 0]
+    return sigma**2 * np.linalg.inv(J.T @ J)
+
+
+ANSWERS = {
+    "lab06.pair_up": Answers(
+        stub=stub,
+        reference=pair_up,
+        second=pair_up_by_tree,
+        wrong={
+            "no reach": (lambda s, t, reach: table(s, t).argmin(axis=1), "Those beyond the reach"),
+            "squared against plain": (pair_up_squared, "squared distance with a distance"),
+            "farthest": (
+                lambda s, t, reach: np.where(table(s, t).min(axis=1) <= reach, table(s, t).argmax(axis=1), -1),
+                "the farthest point",
+            ),
+            "from the target": (pair_up_from_the_target, "sources of each target"),
+            "distances": (lambda s, t, reach: table(s, t).min(axis=1), "the indices were asked for"),
+            "wrong side": (
+                lambda s, t, reach: np.where(table(s, t).min(axis=1) > reach, table(s, t).argmin(axis=1), -1),
+                "which side of the reach",
+            ),
+            "dropped": (pair_up_dropping, "shifts the rest"),
+        },
+    ),
+    "lab06.best_rotation": Answers(
+        stub=stub,
+        reference=best_rotation,
+        second=best_rotation_by_scipy,
+        wrong={
+            "mirror": (lambda p, q: decomposed(p, q)[0] @ decomposed(p, q)[1], "that is a mirror"),
+            "inverse": (lambda p, q: best_rotation(p, q).T, "the other way round"),
+            "whole sign": (lambda p, q: -(decomposed(p, q)[0] @ decomposed(p, q)[1]), "all three axes"),
+            "strongest axis": (
+                lambda p, q: decomposed(p, q)[0] @ np.diag([-1, 1, 1]) @ decomposed(p, q)[1],
+                "the strongest axis",
+            ),
+            "V for its transpose": (
+                lambda p, q: decomposed(p, q)[0] @ np.diag([1, 1, -1]) @ decomposed(p, q)[1].T,
+                "numpy's svd returns",
+            ),
+            "cross-covariance": (lambda p, q: q.T @ p, "cross-covariance itself"),
+            "always flipped": (always_flipped, "honest ones no longer do"),
+        },
+    ),
+    "lab06.rmse": Answers(
+        stub=stub,
+        reference=rmse,
+        second=rmse_by_loop,
+        wrong={
+            "mean distance": (lambda *a: np.linalg.norm(moved(*a), axis=1).mean(), "That is the mean distance"),
+            "no root": (lambda *a: rmse(*a) ** 2, "take its root"),
+            "per coordinate": (lambda *a: np.sqrt(np.mean(moved(*a) ** 2)), "averages over coordinates"),
+            "sum": (lambda *a: np.sqrt(np.sum(moved(*a) ** 2)), "an M is missing"),
+            "backwards": (lambda R, t, s, q, m: rmse(R.T, t, s, q, m), "rotate backwards"),
+            "not moved": (lambda R, t, s, q, m: rmse(np.eye(2), 0 * t, s, q, m), "not been moved"),
+            "row by row": (
+                lambda R, t, s, q, m: rmse(R, t, s, q, np.stack([np.arange(len(m))] * 2, axis=1)),
+                "not row k with row k",
+            ),
+        },
+    ),
+    "lab06.plane_step": Answers(
+        stub=stub,
+        reference=plane_step,
+        second=plane_step_by_normal_equations,
+        wrong={
+            "sign": (lambda p, q, n: -plane_step(p, q, n), "walks away from the wall"),
+            "turn's sign": (
+                lambda p, q, n: np.linalg.lstsq(rows(p, n) * [1, 1, -1], along(n, q, p), rcond=None)[0],
+                "wrong way round",
+            ),
+            "point to point": (point_step, "That is point-to-point"),
+            "no turn": (
+                lambda p, q, n: np.append(np.linalg.lstsq(n, along(n, q, p), rcond=None)[0], 0),
+                "left out the turn",
+            ),
+            "gradient": (lambda p, q, n: rows(p, n).T @ along(n, q, p), "That is the gradient"),
+            "arm of the partner": (
+                lambda p, q, n: np.linalg.lstsq(rows(q, n), along(n, q, p), rcond=None)[0],
+                "not its partner",
+            ),
+        },
+    ),
+    "lab06.wall_covariance": Answers(
+        stub=stub,
+        reference=wall_covariance,
+        second=wall_covariance_by_qr,
+        wrong={
+            "information": (lambda n, r, s: rows(r, n).T @ rows(r, n) / s**2, "large where much is known"),
+            "sigma": (lambda n, r, s: wall_covariance(n, r, s) / s, "wants its square"),
+            "no noise": (lambda n, r, s: wall_covariance(n, r, 1.0), "The noise itself is missing"),
+            "every coordinate": (every_coordinate, "frozen-pairs"),
+            "tangents": (
+                lambda n, r, s: wall_covariance(np.stack([-n[:, 1], n[:, 0]], axis=1), r, s),
+                "speak along itself",
+            ),
+            "averaged": (lambda n, r, s: wall_covariance(n, r, s) * len(n), "information adds up"),
+            "diagonal": (lambda n, r, s: np.diag(np.diag(wall_covariance(n, r, s))), "off the diagonal"),
+            "inverse of the diagonal": (
+                lambda n, r, s: s**2 * np.diag(1 / np.sum(rows(r, n) ** 2, axis=0)),
+                "Inverting the diagonal",
+            ),
+        },
+    ),
+}
