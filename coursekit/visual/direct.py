@@ -101,7 +101,7 @@ class DirectMatcher:
         # seen has mean zero, so the window's own mean drops out of the product.
         contrast = np.einsum("np,np->n", windows, windows) / len(seen) - windows.mean(axis=1) ** 2
         spread = np.sqrt(len(seen) * (np.maximum(contrast, 0) + self.grain**2))
-        return np.asarray(windows @ seen / spread, dtype=float)
+        return np.asarray(np.einsum("np,p->n", windows, seen) / spread, dtype=float)
 
 
 def shrink(grey: NDArray[np.uint8], level: int) -> NDArray[np.float32]:

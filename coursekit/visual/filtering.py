@@ -17,7 +17,6 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.linalg import solve_triangular
 from scipy.ndimage import label
 
 from coursekit import particles
@@ -161,17 +160,26 @@ class VisualFilter:
         close = (np.hypot(*(ahead[:, :2] - fix.mean[:2]).T) < reach) & np.isfinite(before.log_weights)
         if not close.any():
             return np.full(len(states), -np.inf)
-        # Whitened, e = L⁻¹ R(θᵢ)ᵀ (x - f(xᵢ, u)) is linear in x: one product for all pairs of x and i.
-        from_fix, centres = pose_residual(states, fix.mean), pose_residual(ahead[close], fix.mean)
+        # With W = L⁻¹ R(θᵢ)ᵀ the exponent -|W (x - f(xᵢ, u))|²/2 is a quadratic in x: one product for all pairs.
+        x, centres = pose_residual(states, fix.mean), pose_residual(ahead[close], fix.mean)
         factor = np.linalg.cholesky(noise)
-        to_robot = np.zeros((int(close.sum()), 3, 3))
+        to_robot = np.zeros((len(centres), 3, 3))
         to_robot[:, :2, :2], to_robot[:, 2, 2] = rotation(-before.states[close, 2]), 1
-        whiten = solve_triangular(factor, np.eye(3), lower=True) @ to_robot
-        white = np.einsum("kj,nij->nik", from_fix, whiten) - np.einsum("nij,nj->ni", whiten, centres)[..., None]
-        constant = np.log(np.diag(factor)).sum() + 1.5 * np.log(2 * np.pi)
-        logs = before.log_weights[close, None] - 0.5 * np.sum(white * white, axis=1) - constant
-        peak = logs.max(axis=0)
-        return np.asarray(peak + np.log(np.exp(logs - peak).sum(axis=0)))
+        W = np.linalg.solve(factor, np.eye(3)) @ to_robot
+        Wc = np.einsum("nij,nj->ni", W, centres)
+        constant = before.log_weights[close] - np.log(np.diag(factor)).sum() - 1.5 * np.log(2 * np.pi)
+        quadratic = np.einsum("nij,nik->jkn", W, W).reshape(9, -1)
+        coefficients = np.vstack([-0.5 * quadratic, np.einsum("nij,ni->jn", W, Wc), constant - 0.5 * np.sum(Wc**2, 1)])
+        terms = np.column_stack([np.einsum("ki,kj->kij", x, x).reshape(-1, 9), x, np.ones(len(x))])
+        # A few rows at a time: they stay in the cache, and are too few to be worth a second thread.
+        logs = (rows @ coefficients for rows in np.array_split(terms, len(terms) // 16 + 1))
+        return np.concatenate([_log_sum(part) for part in logs])
+
+
+def _log_sum(logs: Array) -> Array:
+    """log Σ exp along the last axis."""
+    peak = logs.max(axis=1, keepdims=True)
+    return np.asarray(peak[:, 0] + np.log(np.exp(logs - peak).sum(axis=1)))
 
 
 def _draw(fix: Gaussian, m: int, rng: np.random.Generator) -> Array:
@@ -233,6 +241,6 @@ def _at_least(cov: Array) -> Array:
 def _log_normal(residual: Array, cov: Array) -> Array:
     """log N(residual; 0, cov): (..., d) → (...)."""
     factor = np.linalg.cholesky(cov)
-    white = residual @ solve_triangular(factor, np.eye(len(cov)), lower=True).T
+    white = residual @ np.linalg.solve(factor, np.eye(len(cov))).T
     constant = np.log(np.diag(factor)).sum() + 0.5 * len(cov) * np.log(2 * np.pi)
     return np.asarray(-0.5 * np.einsum("...i,...i->...", white, white) - constant)
