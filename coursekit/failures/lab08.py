@@ -26,7 +26,7 @@ from coursekit.visual import (
 )
 from coursekit.visual.matching import fit_similarity, project
 
-REPORT = "the sea-floor report (seeds, visual particle filter)"
+REPORT = "a student report on locating an underwater robot over a mapped sea floor"
 MOTION, CONTROL, DT = DifferentialDrive(4.0, 0.05, (0.4, 0.4, 1e-3)), np.array([20.0, 0.1]), 0.5
 SHARP = np.diag([0.02**2, 0.02**2, 1e-4**2])
 FILTER = VisualFilter((800, 2560), MOTION)
