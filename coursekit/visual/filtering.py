@@ -40,6 +40,8 @@ def log_likelihood(fix: Gaussian, outlier: float = 0.0, volume: float = 1.0) -> 
     outlier : ε, the share of matches that are wrong and then say nothing; 0 trusts every one.
     volume : V, of the space of poses, px² rad.
     """
+    if fix.mean.shape != (3,):
+        raise ValueError(f"fix: expected a belief over [x, y, θ], got one over {fix.mean.size} numbers")
     if not 0 <= outlier < 1 or not volume > 0:
         raise ValueError(f"expected outlier in [0, 1) and volume > 0, got {outlier} and {volume}")
 
@@ -124,9 +126,12 @@ class VisualFilter:
         if particles.effective_sample_size(cloud.weights) < len(cloud) / 2:
             cloud = particles.resample(cloud, rng)
         moved = particles.predict(cloud, self.motion, control, dt, rng)
+        if isinstance(measured, Fix):
+            measured = measured.belief
+        if isinstance(measured, Gaussian):
+            return self._mix(cloud, moved, np.asarray(control, dtype=float), dt, measured, rng)
         if not isinstance(measured, Rejected):
-            fix = measured if isinstance(measured, Gaussian) else measured.belief
-            return self._mix(cloud, moved, np.asarray(control, dtype=float), dt, fix, rng)
+            raise ValueError(f"measured: expected a Fix, a Gaussian or Rejected, got {type(measured).__name__}")
         if self.direct is None or image is None:
             return moved
         scale = self.direct.scale(image, mode(moved).mean)
