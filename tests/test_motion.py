@@ -100,8 +100,8 @@ def test_creeping_wheels_are_the_robot_of_the_world():
     robot = Robot()
     motion = CreepingWheels(track=robot.track, creep=robot.slip, tick=2 * np.pi * robot.wheel_radius / robot.ticks)
     for u in ([0.0, 0.0], [0.4, 0.0], [0.2, -1.3], [0.0, 0.7]):
-        M = motion.M(u, 0.05)
-        np.testing.assert_allclose(M @ M.T, robot.odometry_cov(*u, 0.05), rtol=1e-12, atol=1e-18)
+        root = motion.root_M(u, 0.05)
+        np.testing.assert_allclose(root @ root.T, robot.odometry_cov(*u, 0.05), rtol=1e-12, atol=1e-18)
 
 
 def test_creeping_wheels_predict_where_the_worlds_robot_ends():

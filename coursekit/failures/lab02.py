@@ -54,6 +54,7 @@ def inverts_the_projection(reading: Reading) -> bool:
 
 
 _REPORT = "The cylinder report, assignment 2"
+_AXIS = "The cylinder report, assignments 1 and 2"
 Exhibit(
     "lab02.cosine_upside_down",
     f"{_REPORT}: height_px ≈ (h f / d) cos θ, beside a range formula that contradicts it.",
@@ -62,7 +63,7 @@ Exhibit(
 )  # fmt: skip
 Exhibit(
     "lab02.mean_of_the_pixels",
-    f"{_REPORT}: the axis as the midpoint of the edge columns.",
+    f"{_AXIS}: the axis as a mean of columns, below eight corners the midpoint of the outermost.",
     mean_of_the_pixels, exact_reading, inverts_the_projection,
     "The error grows towards the picture's edge and close by, always outwards.",
 )  # fmt: skip

@@ -81,19 +81,19 @@ class DifferentialDrive:
         G[2, 1] = dt
         return G
 
-    def M(self, u: ArrayLike, dt: float) -> Array:
-        """A square root of the control's covariance: M Mᵀ = diag(σ_v², σ_ω²), (2, 2)."""
+    def root_M(self, u: ArrayLike, dt: float) -> Array:
+        """A square root of M, the covariance of the control's error: here diag(σ_v, σ_ω), (2, 2)."""
         return self._wheels
 
     def Q(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
-        """G M Mᵀ Gᵀ + diag(σ_slip²), (3, 3)."""
-        GM = self.G(x, u, dt).dot(self.M(u, dt))
-        return GM.dot(GM.T) + self._slip
+        """G M Gᵀ + diag(σ_slip²), (3, 3), with M the covariance of the control's error."""
+        root = self.G(x, u, dt).dot(self.root_M(u, dt))
+        return root.dot(root.T) + self._slip
 
     def sample(self, states: ArrayLike, u: ArrayLike, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 3) → (n, 3)."""
         states = np.asarray(states, dtype=float)
-        noise = rng.standard_normal((*states.shape[:-1], 2)) @ self.M(u, dt).T
+        noise = rng.standard_normal((*states.shape[:-1], 2)) @ self.root_M(u, dt).T
         moved = self.f(states, np.asarray(u, dtype=float) + noise, dt)
         if any(self.sigma_slip):
             moved += rng.standard_normal(moved.shape) * self.sigma_slip
@@ -123,16 +123,16 @@ class CreepingWheels(DifferentialDrive):
         if not (0 < self.track < math.inf and 0 <= self.creep < math.inf and 0 <= self.tick < math.inf):
             raise ValueError(f"expected track > 0, creep ≥ 0 and tick ≥ 0, all finite, got {self}")
 
-    def M(self, u: ArrayLike, dt: float) -> Array:
-        """A square root of the covariance of [v, ω], (2, 2): each wheel's error, as the body feels it."""
+    def root_M(self, u: ArrayLike, dt: float) -> Array:
+        """A square root of M, (2, 2), one column a wheel: its error, as the body feels it in [v, ω]."""
         v, omega = entries(u, 2, "control [v, ω]", one=True)
         half = 0.5 * omega * self.track
         # A count that starts and ends between two ticks is off by tick²/6.
         rounding = self.tick**2 / (6 * _step(dt) ** 2)
         left, right = (math.sqrt((self.creep * rim) ** 2 + rounding) for rim in (v - half, v + half))
-        M = np.empty((2, 2))
-        M[0, 0], M[0, 1], M[1, 0], M[1, 1] = 0.5 * left, 0.5 * right, -left / self.track, right / self.track
-        return M
+        root = np.empty((2, 2))
+        root[0, 0], root[0, 1], root[1, 0], root[1, 1] = 0.5 * left, 0.5 * right, -left / self.track, right / self.track
+        return root
 
 
 @dataclass(frozen=True)

@@ -14,6 +14,7 @@ from coursekit import plotting
 from coursekit.gaussian import ellipse
 from coursekit.geometry import Array
 from coursekit.pinhole import COURSE_CAMERA, Camera, project_cylinder, range_bearing, range_bearing_jacobian
+from coursekit.world.camera import CAMERA_HEIGHT
 
 HEIGHT, RADIUS, OFFSET = 0.5, 0.1, 0.07  # the course's cylinder and how far ahead of the axle the camera stands, m
 CORRECTIONS = {
@@ -99,7 +100,7 @@ def measure_perfectly(distance: Any, bearing: Any, **correction: float) -> tuple
     return range_bearing(pixels.height_px, pixels.axis_px, COURSE_CAMERA, HEIGHT, **correction)
 
 
-def outline(x: float, y: float, eye: float = 0.22) -> Array:
+def outline(x: float, y: float, eye: float = CAMERA_HEIGHT) -> Array:
     """The cylinder's outline in the picture, (n, 2) pixels: the hull of its two rims, as points of its surface."""
     from scipy.spatial import ConvexHull
 
@@ -189,7 +190,7 @@ def corrections_compared(distances: Array, errors: dict[str, Array], predicted: 
     ax.fill_between(
         distances, -pixel, pixel, color=plotting.BAND, alpha=0.18, lw=0, label="± a tenth of a pixel of height"
     )
-    ax.plot(distances, predicted, color=plotting.TRUTH, lw=1, ls="--", label="−radius/cos θ − offset: the geometry")
+    ax.plot(distances, predicted, color=plotting.TRUTH, lw=1, ls="--", label="what the geometry predicts")
     for (name, error), colour in zip(errors.items(), (plotting.MEASUREMENT, plotting.ESTIMATE), strict=False):
         ax.plot(distances, error, ".", ms=5, color=colour, label=name)
     ax.set(xlabel="distance [m]", ylabel="measured − true range [m]", ylim=(-0.45, 0.3))
