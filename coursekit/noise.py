@@ -139,10 +139,12 @@ class Calibrated(NoiseModel):
 
     Outside the log the model extrapolates, and this is how.  Nearer than ``nearest``, the nearest measurement, σ_d
     keeps the value it has there; farther out it grows by its law, up to 1 km.  Beyond ``reach``, half as far again
-    as the log went, the shortfall's effect keeps the value it has there.
+    as 99 % of the log went (nearer, if a negative shortfall would send ranges to infinity), the shortfall's effect
+    keeps the value it has there.
 
     ``naive_errors`` are standard errors from the observed information, right for independent samples;
-    ``standard_errors`` are those times √(n / n_eff), since residuals that follow each other are alike.
+    ``standard_errors`` are those times √(n / n_eff), since residuals that follow each other are alike: exact for a
+    mean, near enough for the rest.
     """
 
     offset: float

@@ -215,4 +215,5 @@ def _finite(value: ArrayLike, name: str, *, positive: bool = False) -> Array:
 
 
 COURSE_CAMERA = Camera(fx=530.0, fy=530.0, cx=319.5, cy=239.5, width=640, height=480)
-"""The camera of every lab: the report's 640 × 480 pixels and focal length; it sees 0.54 rad to either side."""
+"""The camera of every lab: 640 × 480 pixels and, but for half a pixel, the focal length at which every height in the
+report's log is a whole number; it sees 0.54 rad to either side."""
