@@ -18,6 +18,7 @@ from coursekit.world.lidar import Lidar
 
 TARGET, SOURCE, PAIR = plotting.ODOMETRY, plotting.ESTIMATE, plotting.HIGHLIGHT
 HERE, MOVED = np.array([-1.0, 0.2, 0.4]), np.array([0.45, 0.1, 0.3])  # T_world_target, T_target_source
+ARENA, LIDAR = Arena.load("lab"), Lidar()
 METRICS = {"points": "point_to_point", "planes": "point_to_plane"}
 
 
@@ -55,8 +56,8 @@ def clouds_picture(source: Array, target: Array, title: str) -> Figure:
 class Iterations:
     """One ICP run, iteration by iteration: the clouds, who is paired with whom, and the error."""
 
-    STEPS: ClassVar = [0, 1, 2, 3, 4, 5, 6, 8, 10, 15, 20, 30]
-    STARTS: ClassVar = [10, 30, 60, 90, 150]
+    STEPS: ClassVar = [0, 1, 2, 3, 5, 8, 12, 20, 30]
+    STARTS: ClassVar = [10, 30, 60, 150]
 
     def __init__(self) -> None:
         self.source, self.target = two_scans(180)

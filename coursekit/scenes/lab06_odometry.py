@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
 from typing import NamedTuple
 
@@ -10,7 +10,9 @@ import numpy as np
 from matplotlib.figure import Figure
 
 from coursekit import geometry, icp, plotting
+from coursekit.gaussian import mahalanobis_squared
 from coursekit.geometry import Array
+from coursekit.icp.graph import residuals
 from coursekit.world.arena import Arena
 from coursekit.world.lidar import Lidar
 from coursekit.world.pilot import drive
@@ -63,14 +65,14 @@ def tracks(lap: Lap, named: Mapping[str, Array]) -> Figure:
     for (name, poses), colour in zip(named.items(), COLOURS, strict=False):
         ax.plot(*poses[:, :2].T, color=colour, lw=1.4, label=name)
         error.plot(way, np.maximum(np.hypot(*(poses - lap.truth)[:, :2].T), 1e-4), color=colour, lw=1.4, label=name)
-    error.set(yscale="log", ylim=(3e-4, 1), xlabel="driven [m]")
+    error.set(yscale="log", ylim=(3e-4, 3), xlabel="driven [m]")
     error.set_title("distance from the truth [m]", loc="left")
-    error.legend(fontsize=8.5, loc="lower right")
+    error.legend(fontsize=8.5, loc="upper left")
     ax.set_title("One lap, as the lidar tells it", loc="left")
     return fig
 
 
-def map_picture(lap: Lap, clouds: Mapping[str, Array]) -> Figure:
+def map_picture(clouds: Mapping[str, Array]) -> Figure:
     """What was seen, put together by two tracks, over the walls as they are."""
     fig = plotting.figure(8.0, 3.6)
     for ax, (name, cloud) in zip(plotting.axes(fig, 1, 2, sharey=True), clouds.items(), strict=True):
@@ -93,3 +95,8 @@ def chain(track: icp.Track) -> list[icp.Edge]:
 def closing_error(poses: Array, edge: icp.Edge) -> Array:
     """How far a closing edge contradicts a track, [x, y, θ]."""
     return geometry.compose(geometry.inverse(edge.pose), geometry.between(poses[edge.i], poses[edge.j]))
+
+
+def strain(poses: Array, edges: Sequence[icp.Edge]) -> float:
+    """Σ rᵀ P⁻¹ r: how hard the edges pull at the poses, chi-square with 3 × (edges - poses + 1) degrees of freedom."""
+    return sum(mahalanobis_squared(residuals(poses[e.i], poses[e.j], e.pose)[0], e.cov) for e in edges)
