@@ -32,10 +32,11 @@ def clouds() -> tuple[Clouds, bool]:
         rng = np.random.default_rng(6)
         x = rng.normal(size=(5750, 3))
         x /= np.linalg.norm(x, axis=1)[:, None]
-        lumps = 1 + 0.4 * np.sin(3 * x[:, 0] + 1) * np.cos(2 * x[:, 1]) + 0.3 * np.maximum(x[:, 2], 0)
-        source = x * lumps[:, None] * [0.15, 0.35, 0.25] + [0.22, 0.5, 0.35]
+        lumps = 1 + 0.35 * np.sin(3 * x[:, 0] + 1) * np.cos(2 * x[:, 1]) + 0.4 * np.maximum(x[:, 2], 0) ** 2
+        lumps += 0.25 * np.sin(4 * x[:, 1] * x[:, 2] + x[:, 0])
+        source = x * lumps[:, None] * [0.2, 0.4, 0.3] + [0.22, 0.5, 0.35]
         T = np.eye(4)
-        T[:3, :3], T[:3, 3] = so3_exp([-0.301, -0.24, 0.2]), [0.5, -0.3, 0.3]
+        T[:3, :3], T[:3, 3] = so3_exp([-0.2, -0.16, 0.13]), [0.5, -0.3, 0.3]
         return Clouds(source, icp.move(T, source) + rng.normal(0, 0.0043, source.shape)), False
 
 
