@@ -16,6 +16,7 @@ def hue_mask(answer: Any, rng: np.random.Generator) -> None:
     hsv = np.stack([rng.integers(0, 180, (12, 15)), rng.integers(0, 256, (12, 15)), rng.integers(0, 256, (12, 15))], -1)
     hsv = hsv.astype(np.uint8)
     hsv[0, :6] = [[175, 200, 200], [3, 200, 200], [175, 40, 200], [3, 200, 5], [90, 200, 200], [170, 200, 200]]
+    hsv[1, :6] = [[90, 120, 200], [90, 200, 18], [3, 120, 200], [3, 200, 18], [40, 200, 200], [9, 200, 200]]
     h, s, v = (hsv[..., k].astype(int) for k in range(3))
     coloured = (s >= 120) & (v >= 18)
     for low, high in ((80, 100), (170, 8)):
@@ -36,6 +37,12 @@ def hue_mask(answer: Any, rng: np.random.Generator) -> None:
                     coloured if low > high else hues & coloured,
                 "Grey pixels pass: without saturation a hue is an accident of the noise.": hues & (v >= 18),
                 "Black pixels pass: in the dark a hue is an accident of the noise.": hues & (s >= 120),
+                "At least 120 and at least 18: a pixel that is exactly at a threshold counts.":
+                    hues & (s > 120) & (v > 18),
+                "The channels are bytes, and 3 - 10 is 249 in bytes: turn the hue into integers before you subtract.":
+                    ((hsv[..., 0] - np.uint8(low)) % 180 <= (high - low) % 180) & coloured,
+                "You took 170 … 8 for 8 … 170. The interval goes the short way, through 0.":
+                    (h >= min(low, high)) & (h <= max(low, high)) & coloured,
                 "Your mask is inside out.": ~(hues & coloured),
                 "The limits belong to the interval: a pixel whose hue is exactly at one counts.":
                     ((h > low) & (h < high) if low <= high else (h > low) | (h < high)) & coloured,
@@ -58,6 +65,8 @@ def subpixel_edge(answer: Any, rng: np.random.Generator) -> None:
         misconceptions={
             "That is the first pixel past half way: right to half a pixel. Its neighbours know more.":
                 float(np.argmax(share >= 0.5)),
+            "The point where the share crosses one half listens to two pixels; the others saw the edge, too.":
+                float(np.interp(0.5, share, np.arange(n))),
             "You are half a pixel off: pixel k reaches from k - ½ to k + ½.": n - total,
             "You are a whole pixel off: the last pixel of n is number n - 1, and it reaches half a pixel further.":
                 n - 1.5 - total,
@@ -95,7 +104,12 @@ def height_and_axis(answer: Any, rng: np.random.Generator) -> None:
             "That is the middle of the edges in pixels. Go half way in angle; camera.bearing and camera.column help.":
                 [n, (left + right) / 2],
             "The axis is asked for as a column; you stopped at its bearing.": [n, bearings.mean()],
-            "You took columns for rows: corners are [u, v], and v runs down.": [right - left, pixels.axis_px],
+            "Height first, then the axis.": [pixels.axis_px, n],
+            "The mean of all corners' angles leans like that of their columns. Which corners tell where the edges are?":
+                [n, camera.column(camera.bearing(u).mean())],
+            "The height is measured along v; corners are [u, v].": [right - left, pixels.axis_px],
+            "You took columns for rows: corners are [u, v], and v runs down.":
+                [right - left, camera.column(camera.bearing([top, top + n]).mean())],
             "The height is from the highest to the lowest corner; yours misses the rims.": [n - 12, pixels.axis_px],
             "You added a pixel. Corners are points on the outline, not pixels to be counted.": [n + 1, pixels.axis_px],
             "The height is a length: v runs down, so mind which end you subtract.": [-n, pixels.axis_px],
@@ -108,6 +122,7 @@ def height_and_axis(answer: Any, rng: np.random.Generator) -> None:
 def cut_off(answer: Any, rng: np.random.Generator) -> None:
     camera, margin = Camera(500, 500, 399.5, 149.5, 800, 300), float(rng.uniform(2, 5))
     near = rng.uniform(0.1, 0.9, 4) * margin
+    near[2] = margin - rng.uniform(0.1, 0.9)  # a program that takes the picture for one pixel wider misses this
     boxes = rng.uniform([60, 60, 500, 180], [300, 100, 700, 240], (6, 4))  # left, top, right, bottom
     boxes[1, 0], boxes[2, 1] = near[0], near[1]
     boxes[3, 2], boxes[4, 3] = camera.width - 1 - near[2], camera.height - 1 - near[3]
@@ -131,6 +146,8 @@ def cut_off(answer: Any, rng: np.random.Generator) -> None:
     for hint, wrong in {
         "Your edges answer only when the landmark has left the picture: where does the margin come in?":
             [set() for _ in boxes],
+        "The last pixel of a row is number camera.width - 1, that of a column camera.height - 1.":
+            edges_of(np.add(room, [0, 0, 1, 1])),
         "Columns end at camera.width and rows at camera.height; yours are swapped.":
             edges_of(np.array([1, 1, -1, -1]) * (boxes - [0, 0, h, w])),
         "Top and bottom are swapped: v runs down, so small v is the top.":

@@ -37,6 +37,10 @@ def moments(answer: Any, rng: np.random.Generator) -> None:
                 e.std(ddof=1),
                 right[2],
             ],
+            "bias² + variance is the mean square only with a variance over n; yours is over n - 1.": [
+                *right[:2],
+                np.sqrt(right[0] ** 2 + right[1]),
+            ],
             "Your third number is the mean square. Take its root: it should be in metres.": [
                 *right[:2],
                 np.mean(e**2),
@@ -68,6 +72,10 @@ def range_sigma(answer: Any, rng: np.random.Generator) -> None:
             / f,
             "That is metres into pixels. You want pixels into metres, the other way up.": s * h * f / d**2,
             "That is a variance. The standard deviation is asked for.": (s * d**2 / (h * f)) ** 2,
+            "A standard deviation is never negative: take the size of the derivative.": -s * d**2 / (h * f),
+            "You squared the pixels' σ: that is their variance, and a standard deviation is asked for.": s**2
+            * d**2
+            / (h * f),
             "You left the pixels' own σ out: that is what one pixel is worth.": d**2 / (h * f),
         },
         otherwise="σ_d is |∂d/∂n| times σ of the pixels, with d = h f / n; write it with d in place of n.",
@@ -81,8 +89,10 @@ def log_likelihood(answer: Any, rng: np.random.Generator) -> None:
     e = sigma * rng.standard_normal(6)
     z, two_pi = (e / sigma) ** 2, np.log(2 * np.pi)
     right = np.mean(-0.5 * (two_pi + z) - np.log(sigma))
+    got = call(answer, e, sigma)
+    expect(np.shape(got) != e.shape, "That is one number for each sample; their mean is asked for.")
     close(
-        call(answer, e, sigma),
+        got,
         right,
         misconceptions={
             "log σ is missing: without it, the widest σ always wins.": np.mean(-0.5 * (two_pi + z)),
@@ -94,6 +104,11 @@ def log_likelihood(answer: Any, rng: np.random.Generator) -> None:
             "That is the log of the mean density; densities are multiplied, so their logs are added.": np.log(
                 np.mean(np.exp(-0.5 * (two_pi + z)) / sigma)
             ),
+            "That is the mean density. Take the logarithm of each, then their mean.": np.mean(
+                np.exp(-0.5 * (two_pi + z)) / sigma
+            ),
+            "One half is missing: the square enters as e²/(2σ²).": np.mean(-0.5 * two_pi - np.log(sigma) - z),
+            "log σ counts once: ½ log(2πσ²) holds one log σ.": np.mean(-0.5 * (two_pi + z) - 2 * np.log(sigma)),
             "The error is squared, its σ is not.": np.mean(-0.5 * (two_pi + e**2 / sigma) - np.log(sigma)),
             "You used one σ, some average, for all; each error has its own.": np.mean(
                 -0.5 * (two_pi + (e / sigma.mean()) ** 2) - np.log(sigma.mean())
@@ -130,6 +145,8 @@ def calibrate(answer: Any, rng: np.random.Generator) -> None:
                 np.mean(true - measured),
                 0.0,
             ],
+            "The offset is added to a measured range: an offset is the mean of true - measured, not the reverse. And "
+            "there is a shortfall, too.": [np.mean(measured - true), 0.0],
             "That is the shortfall's inverse, in metres.": [offset, 1 / shortfall],
         },
         otherwise="Which two numbers lay the corrected ranges on the true ones? Minimise a sum of squares over both.",
@@ -172,6 +189,11 @@ def latency(answer: Any, rng: np.random.Generator) -> None:
         not near(float(np.corrcoef(rate, error)[0, 1])) and not near(-float(np.corrcoef(rate, error)[0, 1])),
         "That is a correlation, which has no unit. How many seconds does the slope say?",
     )
+    for value, hint in {
+        float(np.polyfit(true, error, 1)[0]): "You fitted the error to the bearing itself; it goes with the turn rate.",
+        float(np.polyfit(rate, error, 1)[1]): "That is the constant part of the error, in radians, not the slope.",
+    }.items():
+        expect(near(late) or not (near(value) or near(-value)), hint)
     expect(
         bool(np.isfinite(got)) and abs(float(got) - late) < 2e-3,
         "Error against turn rate (np.gradient takes stamps as its second argument) is a line; what is its slope?",

@@ -50,7 +50,7 @@ def question() -> Figure:
     picture.set(title="Eight numbers would do for this picture", xticks=[], yticks=[])
     close.imshow(image[..., ::-1])
     close.set(xlim=(u - size, u + size), ylim=(v + size, v - size), title="Where does it end?")
-    close.set(xlabel="u [pixels]", ylabel="v [pixels]")
+    close.set(xlabel="u [pixels]", ylabel="v [pixels]", xticks=range(u - 8, u + 9, 4), yticks=range(v - 8, v + 9, 4))
     for ax in (picture, close):
         ax.grid(False)
     return fig
@@ -103,7 +103,9 @@ class Pipeline:
         self.axis.set_data([], [])
         self.axis_far.set_data([], [])
         if isinstance(got, LandmarkPixels):
-            self.axis_far.set_data([got.axis_px] * 2, [-0.5, 479.5])
+            # A gap where the landmark is: far away, the line would cover it.
+            ends = [-0.5, np.nanmin(corners[:, 1]) - 15, np.nan, np.nanmax(corners[:, 1]) + 15, 479.5]
+            self.axis_far.set_data([got.axis_px] * 5, np.clip(ends, -0.5, 479.5))
             self.axis.set_data([got.axis_px * scale + to_close_up[0, 2]] * 2, [-0.5, self.TALL - 0.5])
             assert truth is not None
             words = (f"height {got.height_px:.2f} px, true {truth.height_px:.2f}\n"

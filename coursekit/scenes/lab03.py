@@ -46,7 +46,7 @@ class Bands:
     BINS = (5, 12, 30)
     LIMITS = (5, 10, 25)
     INFLATIONS = (1, 3, 10)
-    BIASES = ("left in", "offset", "offset + pixels")
+    BIASES = ("left in", "mean removed", "geometry removed")
     HIGH = 1.6
 
     def __init__(self) -> None:
@@ -54,8 +54,8 @@ class Bands:
         calibrated = fit_calibrated(self.train)
         self.corrected = {
             "left in": (self.train.range, self.test.range),
-            "offset": tuple(log.range - np.mean(self.train.range_error) for log in halves()),
-            "offset + pixels": tuple(calibrated.correct(log.range, log.bearing)[0] for log in halves()),
+            "mean removed": tuple(log.range - np.mean(self.train.range_error) for log in halves()),
+            "geometry removed": tuple(calibrated.correct(log.range, log.bearing)[0] for log in halves()),
         }
         best = np.sqrt(calibrated.R(self.test.range, self.test.bearing)[:, 0, 0])
         self.best = float(np.mean(nats(calibrated.residuals(self.test)[:, 0], best)))
@@ -91,6 +91,7 @@ class Bands:
         self.bars.set_segments([[(x, m - s), (x, m + s)] for x, m, s in zip(middles, means, spreads, strict=True)])
         score, inside = self._verdict(error, sigma)
         self.mark.set_ydata([max(score, -7.8)])
+        self.mark.set_marker("D" if score > -7.8 else "v")
         self.title.set_text(f"{_signed(score)} nats a sample; {inside:.0%} of the errors lie inside ±2σ")
 
     def words(self, bins: int, limit: float, inflation: float, bias: str) -> str:
@@ -122,6 +123,7 @@ class Hill:
     OFFSETS = (0.13, 0.15, 0.17, 0.19, 0.21)
     SHORTFALLS = (0.0, 0.002, 0.0038, 0.0055, 0.0075)
     POWERS = (0.0, 1.0, 1.5)
+    DROPS = (1.5, 0.5, 0.1, 0.01)  # nats below the summit at which a contour is drawn
 
     def __init__(self) -> None:
         self.log = halves()[0]
@@ -141,13 +143,13 @@ class Hill:
         # All three hills in one set of axes; one is visible at a time.
         self.contours = {}
         for power, hill in self.hills.items():
-            drops = hill.max() - np.array([1.5, 0.5, 0.1, 0.01])
+            drops = hill.max() - np.array(self.DROPS)
             self.contours[power] = self.map.contour(
-                offsets, shortfalls, hill, levels=drops, colors=plotting.ODOMETRY, linewidths=0.9
+                offsets, shortfalls, hill, levels=drops, colors=plotting.ODOMETRY, linewidths=0.9, linestyles="solid"
             )
         (self.here,) = self.map.plot([], [], "o", ms=9, color=plotting.ESTIMATE)
         self.map.set(xlabel="offset [m]", ylabel="shortfall [1/m]")
-        self.map.set_title("The hill, from above", loc="left")
+        self.map.set_title("Lines " + ", ".join(f"{drop:g}" for drop in self.DROPS[::-1]) + " nats down", loc="left")
         self.title = self.ax.set_title(" ", loc="left")
         self.moving = [self.curve, self.upper, self.lower, self.title, *self.contours.values(), self.here]
 
@@ -203,7 +205,7 @@ def question(log: Log) -> Figure:
     left.set_title("Which way is it wrong?", loc="left")
     right.plot(log.bearing, 1e3 * log.bearing_error, ".", ms=3, color=plotting.MEASUREMENT, alpha=0.5)
     right.set(xlabel="measured bearing [rad]", ylabel="measured − true bearing [mrad]")
-    right.set_title("And when?", loc="left")
+    right.set_title("And why in two bands?", loc="left")
     return fig
 
 
@@ -239,13 +241,15 @@ def honesty(log: Log, models: dict[str, NoiseModel]) -> Figure:
     fig = plotting.figure(7.2, 3.4)
     ax = plotting.axes(fig)
     edges = np.array([1, 2, 3, 4, 5, 6, 8, 10, 13, 16, 20.5])
+    worst = []
     for (name, model), colour in zip(models.items(), (plotting.MEASUREMENT, plotting.ESTIMATE), strict=True):
         middles, ratios, _ = binned(log.true_range, standardised(model, log)[:, 0] ** 2, edges)
         (line,) = ax.plot(middles, ratios, "o-", color=colour, label=name)
         plotting.label_lines(ax, [line])
+        worst.append(f"{name} reaches {ratios.max():.2g}")
     ax.axhline(1, color=plotting.BAND, ls="--", lw=1.2)
     ax.set(yscale="log", xlabel="true range [m]", ylabel="mean square error / stated variance", xlim=(1, 21.5))
-    ax.set_title("An honest model stays at 1", loc="left")
+    ax.set_title("An honest model stays at 1; " + ", ".join(worst), loc="left")
     return fig
 
 

@@ -52,6 +52,20 @@ def mask_open(hsv, low, high):
     return ((h > low) & (h < high) if low <= high else (h > low) | (h < high)) & (s >= 120) & (v >= 18)
 
 
+def mask_strict(hsv, low, high):
+    h, s, v = channels(hsv)
+    return ((h - low) % 180 <= (high - low) % 180) & (s > 120) & (v > 18)
+
+
+def mask_in_bytes(hsv, low, high):
+    h, s, v = hsv[..., 0], hsv[..., 1], hsv[..., 2]
+    return ((h - low) % 180 <= (high - low) % 180) & (s >= 120) & (v >= 18)
+
+
+def mask_the_long_way(hsv, low, high):
+    return mask_without_wrap(hsv, min(low, high), max(low, high))
+
+
 def mask_in_place(hsv, low, high):
     mask = reference_mask(hsv, low, high)
     hsv[~mask] = 0
@@ -125,6 +139,12 @@ def cut_with_sizes_swapped(corners, camera, margin):
     return {edge for edge in room if room[edge] < margin}
 
 
+def cut_at_the_size(corners, camera, margin):
+    (left, top), (right, bottom) = corners.min(axis=0), corners.max(axis=0)
+    room = {"left": left, "right": camera.width - right, "top": top, "bottom": camera.height - bottom}
+    return {edge for edge in room if room[edge] < margin}
+
+
 def floor_depth(bottom, camera, eye):
     return camera.fy * eye / (bottom - camera.cy)
 
@@ -141,6 +161,9 @@ ANSWERS = {
             "no value": (mask_of_black, "Black pixels pass"),
             "inside out": (lambda *a: ~reference_mask(*a), "inside out"),
             "open interval": (mask_open, "limits belong"),
+            "thresholds left out": (mask_strict, "exactly at a threshold"),
+            "bytes": (mask_in_bytes, "channels are bytes"),
+            "the long way": (mask_the_long_way, "the short way"),
             "not booleans": (lambda *a: 255 * reference_mask(*a).astype(np.uint8), "made of booleans"),
             "changed in place": (mask_in_place, "changes its argument"),
         },
@@ -151,6 +174,7 @@ ANSWERS = {
         second=loop_edge,
         wrong={
             "whole pixel": (lambda *a: float(np.argmax(shares(*a) >= 0.5)), "past half way"),
+            "half way": (lambda *a: float(np.interp(0.5, shares(*a), np.arange(len(a[0])))), "listens to two pixels"),
             "half a pixel": (lambda *a: reference_edge(*a) + 0.5, "half a pixel off"),
             "last pixel's middle": (lambda *a: reference_edge(*a) - 0.5, "counted from the last"),
             "fence post": (lambda *a: reference_edge(*a) - 1, "a whole pixel off"),
@@ -171,7 +195,13 @@ ANSWERS = {
                 lambda c, camera: (height(c), camera.bearing(np.array(ends(c))).mean()),
                 "stopped at its bearing",
             ),
-            "columns for rows": (lambda c, camera: (np.ptp(c[:, 0]), axis(c, camera)), "columns for rows"),
+            "order": (lambda c, camera: (axis(c, camera), height(c)), "Height first"),
+            "mean of all angles": (
+                lambda c, camera: (height(c), camera.column(camera.bearing(c[:, 0]).mean())),
+                "all corners' angles",
+            ),
+            "width for height": (lambda c, camera: (np.ptp(c[:, 0]), axis(c, camera)), "along v"),
+            "columns for rows": (lambda c, camera: (height(c[:, ::-1]), axis(c[:, ::-1], camera)), "columns for rows"),
             "no rims": (height_of_the_sides, "misses the rims"),
             "a pixel added": (lambda c, camera: (height(c) + 1, axis(c, camera)), "added a pixel"),
             "negative": (lambda c, camera: (-height(c), axis(c, camera)), "is a length"),
@@ -183,6 +213,7 @@ ANSWERS = {
         second=loop_cut,
         wrong={
             "no margin": (lambda c, camera, m: reference_cut(c, camera, 0.0), "where does the margin"),
+            "one pixel too many": (cut_at_the_size, "The last pixel"),
             "sizes swapped": (cut_with_sizes_swapped, "yours are swapped"),
             "top and bottom": (lambda *a: swapped(*a, ("top", "bottom")), "Top and bottom"),
             "left and right": (lambda *a: swapped(*a, ("left", "right")), "Left and right"),
