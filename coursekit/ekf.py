@@ -53,8 +53,8 @@ class Correction:
 def predict(belief: Gaussian, motion: MotionModel, control: ArrayLike, dt: float) -> Gaussian:
     r"""Push a belief through the motion model:  N(f(μ, u), F P Fᵀ + Q).
 
-    F is linearised at the mean, so the result is exact only where f is affine over the spread of the belief; Lab 4
-    shows a turn that is not.
+    F is linearised at the mean, so the result is exact only where f is affine over the spread of the belief; Lab 0's
+    banana is what comes of a heading too uncertain for that.
 
     Parameters
     ----------
@@ -126,9 +126,9 @@ def correct_robustly(
 ) -> Correction:
     """``correct``, with the trust in a measurement falling as its surprise grows; none is ever turned away.
 
-    Inside the gate nothing changes.  Outside, R is scaled up by nis/gate, so that the pull of a measurement stops
-    growing with its distance: one wild value hardly moves the belief, while a hundred that agree do move it.  A gate
-    that *rejects* cannot tell a wild value from a wrong belief, and locks the truth out when it is the belief.
+    Inside the gate nothing changes.  Outside, R is scaled up by nis/gate, so that the pull of a measurement falls with
+    its distance, though never to nothing: one wild value hardly moves the belief, while a hundred that agree do.
+    A gate that *rejects* cannot tell a wild value from a wrong belief, and locks the truth out when it is the belief.
 
     gate : the share of honest measurements left as they are, a probability.
 

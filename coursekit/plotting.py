@@ -18,7 +18,7 @@ from matplotlib.collections import LineCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
 from matplotlib.patches import Circle, Polygon
-from matplotlib.ticker import NullFormatter
+from matplotlib.ticker import LogLocator, MaxNLocator, NullFormatter
 from numpy.typing import ArrayLike
 
 from coursekit.gaussian import chi2_band, ellipse
@@ -134,26 +134,54 @@ def draw_arena(ax: Axes, arena: Any) -> None:
     ax.autoscale_view()
 
 
+class _PlainTicks(LogLocator):
+    """Decades where two of them are in sight, else 1-2-5, else round numbers: an axis never stays without two."""
+
+    def tick_values(self, vmin: float, vmax: float) -> Any:
+        vmin, vmax = max(min(vmin, vmax), 1e-30), max(vmin, vmax)
+        decades: np.ndarray = 10.0 ** np.arange(np.floor(np.log10(vmin)), np.ceil(np.log10(vmax)) + 1)
+        for candidates in (decades, np.outer(decades, [1, 2, 5]).ravel(), MaxNLocator(4).tick_values(vmin, vmax)):
+            ticks = np.asarray(candidates)
+            inside = ticks[(ticks >= vmin) & (ticks <= vmax)]
+            if len(inside) >= 2:
+                break
+        return inside[:: 1 + len(inside) // 6]
+
+
 def consistency_strip(
-    ax: Axes, t: ArrayLike, values: ArrayLike, dof: int, runs: int = 1, name: str = "NEES", confidence: float = 0.95
+    ax: Axes,
+    t: ArrayLike,
+    values: ArrayLike,
+    dof: int,
+    runs: ArrayLike = 1,
+    name: str = "NEES",
+    confidence: float = 0.95,
 ) -> float:
     """NEES or NIS against time with its two-sided chi-square band; returns the share of steps inside it.
 
     Parameters
     ----------
     t : (n,) seconds.
-    values : (n,), the average over ``runs`` independent runs at each step.
+    values : (n,), the average over ``runs`` independent runs at each step; NaN where there was nothing to average.
     dof : degrees of freedom of one value.
+    runs : one number, or (n,) of them where it changes from step to step, as the number of measurements does.
 
     The ordinate is logarithmic: a filter can be wrong by factors, in either direction.
     """
     t, values = np.asarray(t, dtype=float), np.asarray(values, dtype=float)
-    low, high = chi2_band(dof, runs, confidence)
-    inside = float(np.mean((values >= low) & (values <= high)))
-    ax.axhspan(low, high, color=BAND, alpha=0.18, lw=0)
+    known = np.isfinite(values)
+    counts = np.broadcast_to(np.asarray(runs), t.shape)
+    bands = {int(n): chi2_band(dof, int(n), confidence) for n in np.unique(counts[known])}
+    low, high = np.array([bands[int(n)] if k else (np.nan, np.nan) for n, k in zip(counts, known, strict=True)]).T
+    inside = float(np.mean((values >= low)[known] & (values <= high)[known]))
+    if len(bands) == 1 and known.all():
+        ax.axhspan(low[0], high[0], color=BAND, alpha=0.18, lw=0)
+    else:
+        ax.fill_between(t, low, high, step="mid", color=BAND, alpha=0.18, lw=0)
     ax.axhline(dof, color=BAND, lw=1, ls="--")
-    ax.plot(t, np.maximum(values, low / 100), color=ESTIMATE, lw=1.2)
+    ax.plot(t, np.maximum(values, low / 100), color=ESTIMATE, lw=1.2, marker=None if known.all() else ".", ms=3)
     ax.set_yscale("log")
+    ax.yaxis.set_major_locator(_PlainTicks())
     ax.yaxis.set_major_formatter("{x:g}")
     ax.yaxis.set_minor_formatter(NullFormatter())
     ax.set_ylabel(name)

@@ -29,6 +29,29 @@ def test_the_consistency_strip_counts_the_steps_inside_its_band():
     assert "50%" in ax.get_title(loc="left") + ax.get_title()
 
 
+@pytest.mark.parametrize("values", [(2.5, 3.5), (2.95, 3.05), (0.9, 12.0), (2.1, 8.0), (0.01, 5000.0), (3.0, 3.0)])
+def test_the_consistency_strip_has_two_plain_numbers_on_its_axis_whatever_the_span(values):
+    ax = axes()
+    plotting.consistency_strip(ax, range(2), values, dof=3, runs=1000)
+    for limits in (ax.get_ylim(), values):
+        if limits[0] < limits[1]:
+            ax.set_ylim(limits)
+        ax.figure.canvas.draw()
+        bottom, top = ax.get_ylim()
+        labels = [
+            w.get_text() for w, y in zip(ax.get_yticklabels(), ax.get_yticks(), strict=True) if bottom <= y <= top
+        ]
+        assert len(labels) >= 2
+        assert [float(word) for word in labels]
+        assert len(labels) <= 7
+
+
+def test_a_strip_whose_counts_change_has_a_band_that_changes_and_leaves_out_what_was_not_measured():
+    narrow, wide = chi2_band(2, 100), chi2_band(2, 4)
+    value = 0.5 * (narrow[1] + wide[1])  # surprising as an average of a hundred, not as one of four
+    assert plotting.consistency_strip(axes(), range(3), [value, value, np.nan], dof=2, runs=[100, 4, 0]) == 0.5
+
+
 @pytest.mark.parametrize("name", ["TRUTH", "ESTIMATE", "MEASUREMENT", "ODOMETRY", "PREDICTION", "BAND"])
 def test_each_role_has_a_colour_of_its_own(name):
     roles = ["TRUTH", "ESTIMATE", "MEASUREMENT", "ODOMETRY", "PREDICTION", "BAND"]

@@ -109,6 +109,10 @@ def range_bearing_jacobian(answer: Any, rng: np.random.Generator) -> None:
     headless[1, 2] = 0.0
     turned = H.copy()
     turned[1, 2] = 1.0
+    sideways = H.copy()
+    sideways[1, :2] *= -1
+    swapped = H.copy()
+    swapped[1, :2] = H[1, 1::-1]
     close(
         call(answer, x, landmark),
         H,
@@ -117,6 +121,8 @@ def range_bearing_jacobian(answer: Any, rng: np.random.Generator) -> None:
             "The bearing is measured from the heading: turn left, and everything moves to the right.": headless,
             "Turn left, and a landmark's bearing goes *down*: look at the sign of the last column.": turned,
             "That is the derivative by the landmark: step towards it, and the range must fall.": towards,
+            "Step to your left, and a landmark ahead moves to the right: two signs turned in row two.": sideways,
+            "To move towards a landmark does not change its bearing: exchange Δx and Δy there.": swapped,
             "The bearing's row is short of a division: r², not r, since the angle shrinks with the distance.": scaled,
             "Rows are measurements and columns are the state: yours are exchanged.": H.T,
         },

@@ -139,7 +139,7 @@ Exhibit(
     "lab04.transpose_first",
     "PythonRobotics, EKF-SLAM (G.T @ P @ G), and many a blackboard.",
     transpose_first, ekf.predict, covariance_is_that_of_the_samples,
-    "The ellipse grows along the road, where the wheels err least, instead of across it.",
+    "A wrong heading no longer becomes an error to the side: across the road, the ellipse hardly grows.",
 )  # fmt: skip
 Exhibit(
     "lab04.unwrapped_bearing",
@@ -151,7 +151,7 @@ Exhibit(
     "lab04.column_repeated",
     "The homework, Eq. (10): the third column repeats (p_x - l_x)/r where (p_y - l_y)/r belongs.",
     column_repeated, RangeOnly, jacobian_is_the_derivative,
-    "The estimate is pulled along a diagonal, and the ellipse shrinks where nothing was learned.",
+    "The estimate can only slide along a diagonal, and along it the filter is surest.",
 )  # fmt: skip
 Exhibit(
     "lab04.hard_gate",

@@ -55,6 +55,14 @@ def divide_once(H, r):
     H[1, :2] *= r
 
 
+def wrong_way(H, r):
+    H[1, :2] *= -1
+
+
+def exchange(H, r):
+    H[1, :2] = H[1, 1::-1].copy()
+
+
 def numerical_jacobian(x, landmark):
     sensor, steps = RangeBearing(landmark), 1e-6 * np.eye(3)
     return np.stack([sensor.residual(sensor.h(x + s), sensor.h(x - s)) / 2e-6 for s in steps], axis=-1)
@@ -169,6 +177,8 @@ ANSWERS = {
             "no heading": (spoiled(forget_heading), "measured from the heading"),
             "heading turned": (spoiled(turn_heading), "goes *down*"),
             "by the landmark": (spoiled(towards_landmark), "derivative by the landmark"),
+            "bearing the wrong way": (spoiled(wrong_way), "two signs turned in row two"),
+            "Δx and Δy exchanged": (spoiled(exchange), "exchange Δx and Δy"),
             "r instead of r²": (spoiled(divide_once), "short of a division"),
             "transposed": (lambda x, landmark: jacobian(x, landmark).T, "yours are exchanged"),
         },
