@@ -191,19 +191,20 @@ class WhoIsInFront:
         """What a frame shows."""
         *_, got = self.look(aside, distance)
         verdict = "the cyan one is measured" if got else f"the cyan one is rejected, {_short(got)}"
-        return f"A cyan cylinder at {self.DISTANCE:g} m and a magenta one at {distance:g} m; {verdict}"
+        side = f"{abs(aside):g} rad to its {'left' if aside > 0 else 'right'}" if aside else "in the same direction"
+        return f"A cyan cylinder at {self.DISTANCE:g} m and, {side}, a magenta one at {distance:g} m; {verdict}"
 
 
 class Lean:
     """One outline, more corners on one side than on the other, and three rules for its axis."""
 
+    NAMES = ("mean of corners", "middle of edges", "mean of angles")
     _BEARING = -0.4
 
     def __init__(self) -> None:
         self.figure = plotting.figure(7.2, 4.0)
         axes: Any = plotting.axes(self.figure, 1, 2, width_ratios=[1, 1.1])
         self.picture, bars = axes
-        self.names = ["mean of corners", "middle of edges", "mean of angles"]
         colours = [plotting.MEASUREMENT, plotting.HIGHLIGHT, plotting.ESTIMATE]
         (self.shape,) = self.picture.fill([0, 1, 1], [0, 0, 1], color=plotting.LANDMARK_COLOURS[COLOUR], alpha=0.45)
         (self.dots,) = self.picture.plot([], [], "o", color=plotting.TRUTH, ms=4)
@@ -211,7 +212,7 @@ class Lean:
         (self.true,) = self.picture.plot([], [], color=plotting.TRUTH, lw=1.2, ls=(0, (2, 2)))
         self.picture.set(xlim=(-105, 105), ylim=(225, -225), xlabel="columns from the true axis [pixels]", yticks=[])
         self.picture.set_title("outline and corners")
-        self.bars = bars.barh(self.names, [0, 0, 0], color=colours, height=0.5)
+        self.bars = bars.barh(self.NAMES, [0, 0, 0], color=colours, height=0.5)
         self.numbers = [bars.text(0, i, " ", va="center") for i in range(3)]
         bars.axvline(0, color=plotting.TRUTH, lw=1, ls=(0, (2, 2)))
         bars.set(xlim=(-95, 95), xlabel="axis off by [pixels]")
@@ -243,9 +244,17 @@ class Lean:
         self.true.set_data([0, 0], [-225, 225])
         self.title.set_text(f"{left} corners left, {right} right, {distance:g} m")
 
-    def corners(self, left: int, right: int, distance: float) -> tuple[Array, float]:
+    @classmethod
+    def words(cls, left: int, right: int, distance: float) -> str:
+        """The text alternative of a frame."""
+        offsets = cls.offsets(*cls.corners(left, right, distance))
+        off = ", ".join(f"{name} {offset:+.1f}" for name, offset in zip(cls.NAMES, offsets, strict=True))
+        return f"An outline with {left} corners on its left edge, {right} on its right. Pixels off the axis: {off}"
+
+    @classmethod
+    def corners(cls, left: int, right: int, distance: float) -> tuple[Array, float]:
         """Corners (left + right, 2), with v counted from the middle, and the true axis."""
-        pixels = project_cylinder(distance, self._BEARING, COURSE_CAMERA, HEIGHT, RADIUS)
+        pixels = project_cylinder(distance, cls._BEARING, COURSE_CAMERA, HEIGHT, RADIUS)
         half = float(pixels.height_px) / 2
         edges = [
             np.c_[np.full(count, edge), np.linspace(-half, half, count)]
