@@ -14,6 +14,7 @@ import coursekit
 from coursekit import pinhole
 from coursekit.geometry import wrap_angle
 from coursekit.models import ConstantVelocity, CreepingWheels, DifferentialDrive, Position, RangeBearing, RangeOnly
+from coursekit.world import tags
 
 # --- Every Jacobian, found automatically ---------------------------------------------------------------------------
 # A method named on the left is the derivative of the one named second, in its argument of that number; the
@@ -89,8 +90,18 @@ def _pinhole(rng):
     )
 
 
+def _tag(rng):
+    size = rng.uniform(0.05, 0.5)
+    return FunctionExample(
+        lambda tag: tags.tag_corners(tag, size),
+        lambda tag: tags.tag_corners_jacobian(tag, size).reshape(12, 4),
+        rng.uniform([-2, -2, 0, -np.pi], [2, 2, 1, np.pi]),
+    )
+
+
 EXAMPLES: dict[str, Callable[[np.random.Generator], Example | FunctionExample]] = {
     "coursekit.pinhole.range_bearing": _pinhole,
+    "coursekit.world.tags.tag_corners": _tag,
     "coursekit.pinhole.Camera.project": lambda rng: Example(
         pinhole.COURSE_CAMERA, (rng.uniform([0.5, -2, -2], [8, 2, 2]),)
     ),
