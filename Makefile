@@ -8,6 +8,9 @@ JOBS   ?= auto
 # JupyterLab asks to be told when it is root that starts it, as in a container.
 AS_ROOT := $(if $(filter 0,$(shell id -u)),--allow-root)
 
+# The matrices here are small: a second BLAS thread costs more than it brings, and the tests run side by side.
+export OPENBLAS_NUM_THREADS ?= 1
+
 .DEFAULT_GOAL := help
 .PHONY: help setup lab test test-slow test-browser book serve lint format student bench lock clean
 
