@@ -76,6 +76,15 @@ def test_the_published_transform_lies_on_the_way_and_not_at_its_end(clouds, plai
     assert 20 <= int(np.argmin(gaps)) < 30
 
 
+def test_the_reports_two_errors_are_mean_distances_there_and_back(clouds):
+    """0.0202175 by brute force and 0.0220894 by tree: two questions, not two answers."""
+    there = icp.move(PUBLISHED, clouds.source)
+    for a, b, printed in ((there, clouds.target, 0.0202175), (clouds.target, there, 0.0220894)):
+        distance = icp.KdTree(b).nearest(a, np.inf)[1]
+        assert np.mean(distance) == pytest.approx(printed, abs=3e-7)
+        assert np.sqrt(np.mean(distance**2)) > printed + 0.002
+
+
 def test_planes_a_kernel_and_a_start_from_nothing_agree_on_the_answer(clouds):
     for options in (
         {"metric": "point_to_plane"},

@@ -67,8 +67,8 @@ def test_another_reach_or_another_cloud_is_asked_afresh():
     rng = np.random.default_rng(1)
     target = rng.uniform(-1, 1, (300, 2))
     tree, brute = KdTree(target), BruteForce(target)
-    for points, reach in ((rng.uniform(-1, 1, (50, 2)), np.inf), (rng.uniform(-1, 1, (50, 2)), np.inf),
-                          (rng.uniform(-1, 1, (50, 2)), 0.05), (rng.uniform(-1, 1, (80, 2)), 0.05)):  # fmt: skip
+    here, there, more = rng.uniform(-1, 1, (50, 2)), rng.uniform(-1, 1, (50, 2)), rng.uniform(-1, 1, (80, 2))
+    for points, reach in ((here, 0.05), (here, np.inf), (here, 0.02), (there, 0.02), (more, 0.02)):
         assert_same(tree.nearest(points, reach), brute.nearest(points, reach))
 
 
@@ -76,5 +76,6 @@ def test_trimming_keeps_the_share_with_the_shortest_distances():
     distance = np.array([5.0, 1.0, np.inf, 3.0, 2.0])
     assert closest(distance, 1.0).tolist() == [0, 1, 3, 4]
     assert closest(distance, 0.5).tolist() == [1, 4]
+    assert closest(distance, 0.51).tolist() == [1, 3, 4]  # at least the share
     assert closest(distance, 0.01).tolist() == [1]
     assert closest(np.full(3, np.inf), 0.5).size == 0
