@@ -86,7 +86,7 @@ class Log:
 
     def __repr__(self) -> str:
         span = f", {self.range.min():.2f} to {self.range.max():.2f} m" if len(self) else ""
-        return f"Log({len(self)} samples{span}, {self.dropped} rows dropped)"
+        return f"Log({len(self)} samples{span}, {self.dropped} row{'s' * (self.dropped != 1)} dropped)"
 
 
 _LOG_ARRAYS = tuple(f.name for f in fields(Log) if f.name not in ("dropped", "rejected"))

@@ -115,7 +115,7 @@ def test_a_log_is_sliced_like_an_array_and_cannot_be_changed(csv_file):
     np.testing.assert_array_equal(log[log.range > 1.345].stamp, [8.2, 8.3])
     np.testing.assert_array_equal(log[[3, 0]].stamp, [8.3, 8.0])
     assert log[::2].dropped == log.dropped == 1
-    assert "4 samples" in repr(log) and "1 rows dropped" in repr(log)
+    assert "4 samples" in repr(log) and "1 row dropped" in repr(log)
     assert "0 samples" in repr(log[:0])
     with pytest.raises(ValueError, match="read-only"):
         log.range[0] = 1.0
