@@ -36,11 +36,22 @@ class PlainSlam:
         """The belief over [x, y, θ]."""
         return Gaussian(self.x[:3], symmetrize(self.P[:3, :3]))
 
+    @property
+    def mean(self) -> Array:
+        """``x``, under the name that the package gives it."""
+        return self.x
+
+    @property
+    def cov(self) -> Array:
+        """``P``."""
+        return self.P
+
     def predict(self, control: ArrayLike, dt: float) -> None:
-        """F P Fᵀ + Q, with an F that leaves the landmarks where they are."""
-        pose, u, F = self.x[:3].copy(), np.asarray(control, dtype=float), np.eye(len(self.x))
-        F[:3, :3] = self.motion.F(pose, u, dt)
-        self.P = F @ self.P @ F.T
+        """F P Fᵀ + Q, with an F that leaves the landmarks where they are: three rows and columns of P change."""
+        pose, u = self.x[:3].copy(), np.asarray(control, dtype=float)
+        F = self.motion.F(pose, u, dt)
+        self.P[:3] = F @ self.P[:3]
+        self.P[:, :3] = self.P[:, :3] @ F.T
         self.P[:3, :3] += self.motion.Q(pose, u, dt)
         self.x[:3] = self.motion.f(pose, u, dt)
 
