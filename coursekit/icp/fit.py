@@ -30,20 +30,21 @@ def point_to_point(p: Array, q: Array, weights: Array | None = None) -> Array:
     p, q : (n, d) matched points, d = 2 or 3.
     weights : (n,) ≥ 0, or None for all equal.
 
-    Raises Undetermined when the best rotation is not unique: in 3-D when the pairs lie on a line, in any
-    dimension when they lie on one point or when the two best rotations are equally good.
+    Raises Undetermined when all weights are zero, and when the best rotation is not unique: in 3-D when the pairs
+    lie on a line, in any dimension when they lie on one point or when the two best rotations are equally good.
     """
-    w = np.full(len(p), 1 / len(p)) if weights is None else weights / weights.sum()
+    w = _shares(weights, len(p))
     p_mean, q_mean = w @ p, w @ q
-    p, q = p - p_mean, q - q_mean
-    wq = w[:, None] * q
-    H = np.sum([wq[rows].T @ p[rows] for rows in _blocks(len(p))], axis=0)
+    H, spread_p, spread_q = np.zeros((p.shape[1], p.shape[1])), 0.0, 0.0
+    for rows in _blocks(len(p)):
+        a, b = p[rows] - p_mean, q[rows] - q_mean
+        H += (w[rows, None] * b).T @ a
+        spread_p, spread_q = spread_p + np.einsum("ij,ij->", a, a), spread_q + np.einsum("ij,ij->", b, b)
     U, S, Vt = np.linalg.svd(H)
     handed = 1.0 if np.linalg.det(U @ Vt) > 0 else -1.0
     # To turn the two weakest axes together costs S[-2] ± S[-1]; if that is nothing, one turn is as good as another.
-    rounding = 1e-14 * max(
-        np.abs(p_mean).max() * np.sqrt(np.sum(wq * q)), np.abs(q_mean).max() * np.sqrt(np.sum(w @ p**2))
-    )
+    offset = max(np.abs(p_mean).max() * np.sqrt(spread_q), np.abs(q_mean).max() * np.sqrt(spread_p))
+    rounding = 1e-14 * offset / np.sqrt(len(p))
     if S[-2] + handed * S[-1] <= 1e-9 * S[0] + rounding:
         raise Undetermined(
             "the matched pairs do not determine the rotation: they lie on a line or a point, or are too symmetric"
@@ -59,7 +60,7 @@ def point_to_plane(p: Array, q: Array, normals: Array, weights: Array | None = N
     which no normal points (along a corridor) is left where it is by a little damping, 1/1000 of what evenly
     spread normals would say; the damping slows such a direction down, and moves no solution.
     """
-    w = np.full(len(p), 1 / len(p)) if weights is None else weights / weights.sum()
+    w = _shares(weights, len(p))
     centre = w @ p
     J = np.hstack([normals, turning(p - centre, normals)])
     size = np.sqrt((w @ (p - centre) ** 2).sum())  # metres, the arm of a turn
@@ -104,8 +105,18 @@ def move(T: Array, points: Array) -> Array:
     return moved
 
 
+def _shares(weights: Array | None, n: int) -> Array:
+    """Weights that sum to one."""
+    if weights is None:
+        return np.full(n, 1 / n)
+    total = weights.sum()
+    if total <= 0:
+        raise Undetermined("no pair has any weight: kernel_scale is far smaller than the distances")
+    return weights / total
+
+
 def _blocks(n: int) -> list[slice]:
-    """Rows by the thousand: for a longer product BLAS starts threads, and with matrices this thin they only wait."""
+    """Rows by the thousand: so many fit the cache, and for more of them BLAS starts threads that only wait."""
     return [slice(start, start + 8192) for start in range(0, n, 8192)]
 
 

@@ -232,6 +232,7 @@ CORRIDOR = corridor(400, RNG)
         pytest.param(GRID + 0.5, GRID, {}, "too symmetric", id="grid half a cell off"),
         pytest.param(np.full((50, 3), 0.3), SOLID, {}, "do not determine the rotation", id="source is one point"),
         pytest.param(SOLID, np.full((50, 3), 0.3), {}, "rotation|turns|stopped", id="target is one point"),
+        pytest.param(FLAT + 9, FLAT, {"kernel": "tukey", "kernel_scale": 1e-3}, "no pair has any weight", id="kernel"),
         pytest.param(np.zeros((9, 2)), np.zeros((9, 2)), {}, "do not determine the rotation", id="zeros"),
     ],
 )
