@@ -154,7 +154,7 @@ class Basin:
         ends, result = self.ends(metric), self.align(turn, shift, metric)
         self.map.set_data(ends)
         self.start.set_data([turn], [shift])
-        self.share.set_text(f"{np.mean(ends < 0.1):.0%} of the starts lead home")
+        self.share.set_text(f"{np.mean(ends < 0.1):.0%} of the starts come home")
         self.before.set_data(*icp.move(result.history[0].T_target_source, self.source).T)
         self.after.set_data(*icp.move(result.T_target_source, self.source).T)
         self.end.set_text(
@@ -164,7 +164,7 @@ class Basin:
     def alt(self, turn: float, shift: float, metric: str) -> str:
         result = self.align(turn, shift, metric)
         return (
-            f"A map of starts, bright where they lead home: {np.mean(self.ends(metric) < 0.1):.0%} of them, matching "
+            f"A map of starts, bright where they come home: {np.mean(self.ends(metric) < 0.1):.0%} of them, matching "
             f"by {metric}. The start turned by {turn}° and shifted by {shift} m ends "
             f"{displacement(result.T_target_source, self.source):.2f} m from its place"
         )
