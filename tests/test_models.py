@@ -13,6 +13,7 @@ import pytest
 import coursekit
 from coursekit import pinhole
 from coursekit.geometry import wrap_angle
+from coursekit.localisation import CalibratingDrive, CalibratingRangeBearing
 from coursekit.models import ConstantVelocity, CreepingWheels, DifferentialDrive, Position, RangeBearing, RangeOnly
 from coursekit.world import tags
 
@@ -90,6 +91,25 @@ def _pinhole(rng):
     )
 
 
+def _calibrating_state(rng):
+    return np.array(
+        [*_pose(rng), rng.uniform(0.7, 1.3), rng.uniform(0.7, 1.3), rng.uniform(-0.2, 0.2), rng.uniform(0, 1)]
+    )
+
+
+def _calibrating_drive(rng):
+    control = np.array([rng.uniform(-1, 1), rng.choice([0.0, rng.uniform(-3, 3)])])
+    return Example(CalibratingDrive(), (_calibrating_state(rng), control, rng.uniform(0.01, 1)))
+
+
+def _calibrating_camera(rng):
+    state = _calibrating_state(rng)
+    bearing, r = rng.uniform(-1.2, 1.2), rng.uniform(0.5, 8)
+    direction = state[2] + bearing
+    landmark = state[:2] + r * np.array([np.cos(direction), np.sin(direction)])
+    return Example(CalibratingRangeBearing(landmark), (state,))
+
+
 def _tag(rng):
     size = rng.uniform(0.05, 0.5)
     return FunctionExample(
@@ -100,6 +120,8 @@ def _tag(rng):
 
 
 EXAMPLES: dict[str, Callable[[np.random.Generator], Example | FunctionExample]] = {
+    "coursekit.localisation.CalibratingDrive.f": _calibrating_drive,
+    "coursekit.localisation.CalibratingRangeBearing.h": _calibrating_camera,
     "coursekit.pinhole.range_bearing": _pinhole,
     "coursekit.world.tags.tag_corners": _tag,
     "coursekit.pinhole.Camera.project": lambda rng: Example(
