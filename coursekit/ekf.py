@@ -118,7 +118,7 @@ def correct(belief: Gaussian, sensor: SensorModel, z: ArrayLike, R: ArrayLike | 
         if indefinite:
             raise ValueError(f"R: too small beside the belief's covariance: 64-bit numbers cannot hold what is left.\n"
                              f"R is\n{R}\nand H P Hᵀ is\n{S - R}")  # fmt: skip
-    return Correction(Gaussian.trusted(mean, posterior, factor=factor.T), innovation, S, nis)
+    return Correction(Gaussian.trusted(mean, posterior, factor.T), innovation, S, nis)
 
 
 def correct_robustly(

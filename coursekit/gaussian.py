@@ -50,14 +50,17 @@ class Gaussian:
         object.__setattr__(self, "cov", cov)
 
     @classmethod
-    def trusted(cls, mean: Array, cov: Array, **known: Array) -> Gaussian:
+    def trusted(cls, mean: Array, cov: Array, factor: Array | None = None) -> Gaussian:
         """The same without copies and questions, for a filter, whose algebra keeps cov what it must be.
 
-        known : ``factor``, where it is at hand.
+        factor : L with cov = L Lᵀ, where it is at hand.
         """
         mean.flags.writeable = cov.flags.writeable = False
         belief = object.__new__(cls)
-        belief.__dict__.update(mean=mean, cov=cov, **known)
+        fields = belief.__dict__
+        fields["mean"], fields["cov"] = mean, cov
+        if factor is not None:
+            fields["factor"] = factor
         return belief
 
     @cached_property

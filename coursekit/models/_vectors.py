@@ -15,13 +15,17 @@ from numpy.typing import ArrayLike
 from coursekit.geometry import Array
 
 
+_FLOAT = np.dtype(float)
+
+
 def entries(array: ArrayLike, size: int, name: str, one: bool = False) -> Any:
     """The entries along the last axis, after a look at the door: floats of one vector, arrays of many."""
-    array = np.asarray(array, dtype=float)
+    if type(array) is not np.ndarray or array.dtype is not _FLOAT:
+        array = np.asarray(array, dtype=float)
     if array.shape == (size,):
-        entries = array.tolist()
-        if math.isfinite(sum(entries)):
-            return entries
+        numbers = array.tolist()
+        if math.isfinite(sum(numbers)):
+            return numbers
         raise ValueError(f"{name}: expected finite numbers, got {array}")
     if array.ndim == 0 or array.shape[-1] != size or one:
         expected = f"({size},)" if one else f"(..., {size})"
