@@ -14,7 +14,6 @@ from numpy.typing import ArrayLike
 
 from coursekit.geometry import Array
 
-
 _FLOAT = np.dtype(float)
 
 
