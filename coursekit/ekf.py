@@ -70,8 +70,9 @@ def predict(belief: Gaussian, motion: MotionModel, control: ArrayLike, dt: float
     x = belief.mean
     FL = motion.F(x, control, dt).dot(belief.factor)  # F P Fᵀ = (F L)(F L)ᵀ
     mean, P = motion.f(x, control, dt), FL.dot(FL.T) + motion.Q(x, control, dt)
-    # NaN and infinity anywhere survive the products; whatever looks wrong, the constructor will name.
-    if P.tobytes() != P.T.tobytes() or not math.isfinite(mean.dot(P).dot(mean)):
+    # NaN and infinity anywhere survive a sum; whatever looks wrong, the constructor will name.
+    finite = math.isfinite(sum(mean.tolist()) + sum(P.ravel().tolist()))
+    if not finite or len(mean) != len(P) or P.tobytes() != P.T.tobytes():
         return Gaussian(mean, P)
     return Gaussian.trusted(mean, P)
 
@@ -98,7 +99,7 @@ def correct(belief: Gaussian, sensor: SensorModel, z: ArrayLike, R: ArrayLike | 
     H, z_hat = sensor.H(x), sensor.h(x)
     R = _noise(sensor.R if R is None else R, len(H))
     innovation = sensor.residual(z, z_hat)
-    if innovation.shape != R.shape[:1]:
+    if innovation.shape != (len(R),):
         raise ValueError(f"z: expected shape {R.shape[:1]}, got {np.shape(z)}")
 
     HP = H.dot(P)

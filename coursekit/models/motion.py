@@ -74,7 +74,8 @@ class DifferentialDrive:
         half = 0.5 * omega * _step(dt)
         c, s = math.cos(theta + half), math.sin(theta + half)
         # The chord's change with v; and, through half = ω dt/2, its turning and its shortening with ω.
-        along, across, shorter = dt * _sinc(half), 0.5 * v * dt**2 * _sinc(half), 0.5 * v * dt**2 * _sinc_slope(half)
+        sinc, bend = _sinc(half), 0.5 * v * dt * dt
+        along, across, shorter = dt * sinc, bend * sinc, bend * _sinc_slope(half)
         G = np.zeros((3, 2))
         G[0, 0], G[0, 1] = along * c, shorter * c - across * s
         G[1, 0], G[1, 1] = along * s, shorter * s + across * c

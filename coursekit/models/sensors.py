@@ -39,9 +39,9 @@ class RangeBearing:
     def H(self, x: ArrayLike) -> Array:
         """∂h/∂x, (2, 3).  Raises ValueError on top of the landmark, where the bearing has no derivative."""
         dx, dy, r = self._offset(x)
-        H = np.empty((2, 3))
+        H, q = np.empty((2, 3)), r * r
         H[0, 0], H[0, 1], H[0, 2] = -dx / r, -dy / r, 0.0
-        H[1, 0], H[1, 1], H[1, 2] = dy / r**2, -dx / r**2, -1.0
+        H[1, 0], H[1, 1], H[1, 2] = dy / q, -dx / q, -1.0
         return H
 
     def H_landmark(self, x: ArrayLike) -> Array:
