@@ -34,7 +34,7 @@ from numpy.typing import ArrayLike
 from scipy.linalg.blas import dsyrk, dtrsm, dtrsv
 from scipy.linalg.lapack import dpotrf
 
-from coursekit.association import NEW, Association, Indices, Known, Sightings, expected, jacobians
+from coursekit.association import NEW, Association, Indices, Known, Sightings
 from coursekit.gaussian import Gaussian, check_covariance
 from coursekit.geometry import Array, wrap_angle
 from coursekit.models import MotionModel, RangeBearing
@@ -126,14 +126,13 @@ class EkfSlam:
         sightings = self._sightings(z, R, ids)
         chosen = self.associate(sightings) if len(z) else np.zeros(0, dtype=np.intp)
         self._correct(sightings, chosen)
-        new = np.flatnonzero(chosen == NEW)
-        chosen[new] = len(self._index) + np.arange(len(new))
-        if len(new):
+        if new := [i for i, j in enumerate(chosen.tolist()) if j == NEW]:
+            chosen[new] = range(len(self._index), len(self._index) + len(new))
             self._augment(z[new], R[new])
             if ids is not None and isinstance(self.associate, Known):
-                self._labels.update({ids[int(i)]: int(chosen[i]) for i in new})
+                self._labels.update({ids[i]: int(chosen[i]) for i in new})
         self._count(chosen)
-        indices = np.array([self._index[j] if j >= 0 else NEW for j in chosen], dtype=np.intp)
+        indices = np.array([self._index[j] if j >= 0 else NEW for j in chosen.tolist()], dtype=np.intp)
         self._forget()
         return indices
 
@@ -150,25 +149,25 @@ class EkfSlam:
 
     def _correct(self, sightings: Sightings, chosen: Indices) -> None:
         """The Kalman update with what is matched: P Hᵀ by columns, and one downdate P - W Wᵀ."""
-        measured = np.flatnonzero(chosen >= 0)
-        landmarks, k = chosen[measured], len(measured)
+        matched = [(i, j) for i, j in enumerate(chosen.tolist()) if j >= 0]
+        k = len(matched)
         self.nis, self.dof = 0.0, 2 * k
         if not k:
             return
         pose, points = sightings.linearised_at
-        Hx, Hl = jacobians(pose, points[landmarks])
-        columns = self._columns(_POSE)
-        PHT, S, starts = np.empty((len(self._x), 2 * k), order="F"), np.empty((2 * k, 2 * k)), 3 + 2 * landmarks
-        for i, a in enumerate(starts.tolist()):
-            PHT[:, 2 * i : 2 * i + 2] = columns.dot(Hx[i].T) + self._columns((a, a + 1)).dot(Hl[i].T)
-        for i, a in enumerate(starts.tolist()):
-            S[2 * i : 2 * i + 2] = Hx[i].dot(PHT[:3]) + Hl[i].dot(PHT[a : a + 2])
-            S[2 * i : 2 * i + 2, 2 * i : 2 * i + 2] += sightings.R[measured[i]]
-        innovation = sightings.z[measured] - expected(sightings.pose, sightings.landmarks[landmarks])
-        innovation[:, 1] = [wrap_angle(bearing) for bearing in innovation[:, 1].tolist()]
+        PHT, S, innovation = np.empty((len(self._x), 2 * k), order="F"), np.empty((2 * k, 2 * k)), np.empty(2 * k)
+        touched = []  # of each pair: H's five columns, and where they stand in the state
+        for row, (i, j) in zip(range(0, 2 * k, 2), matched, strict=True):
+            H, columns = _jacobian_row(pose, points[j]), [0, 1, 2, 3 + 2 * j, 4 + 2 * j]
+            PHT[:, row : row + 2] = self._columns(columns).dot(H.T)
+            innovation[row : row + 2] = _innovation(sightings.z[i], sightings.pose, sightings.landmarks[j])
+            touched.append((H, columns))
+        for row, (i, _), (H, columns) in zip(range(0, 2 * k, 2), matched, touched, strict=True):
+            S[row : row + 2] = H.dot(PHT[columns])
+            S[row : row + 2, row : row + 2] += sightings.R[i]
 
         U, failed = dpotrf(S)  # S = Uᵀ U, W = P Hᵀ U⁻¹, w = U⁻ᵀ ν
-        W, w = dtrsm(1.0, U, PHT, side=1), dtrsv(U, innovation.ravel(), trans=1)
+        W, w = dtrsm(1.0, U, PHT, side=1), dtrsv(U, innovation, trans=1)
         nis = float(w.dot(w))
         if failed or not math.isfinite(nis):
             raise ValueError(f"R: expected covariances that leave H P Hᵀ + R positive definite, got {sightings.R}")
@@ -289,21 +288,37 @@ def _rows(landmarks: Indices) -> Indices:
     return np.asarray((3 + 2 * landmarks[:, None] + [0, 1]).ravel())
 
 
+def _jacobian_row(pose: Array, landmark: Array) -> Array:
+    """∂h/∂[x, y, θ, l_x, l_y], (2, 5): all of H that is not zero for one landmark."""
+    (x, y, _), (lx, ly) = pose.tolist(), landmark.tolist()
+    dx, dy = lx - x, ly - y
+    r = max(math.hypot(dx, dy), 1e-9)
+    c, s, p, q = dx / r, dy / r, dy / (r * r), dx / (r * r)
+    return np.array([[-c, -s, 0.0, c, s], [p, -q, -1.0, -p, q]])
+
+
+def _innovation(z: Array, pose: Array, landmark: Array) -> tuple[float, float]:
+    """z minus what is expected, the bearing wrapped."""
+    (r, bearing), (x, y, theta), (lx, ly) = z.tolist(), pose.tolist(), landmark.tolist()
+    return r - math.hypot(lx - x, ly - y), float(wrap_angle(bearing - math.atan2(ly - y, lx - x) + theta))
+
+
 def _check(z: ArrayLike, R: ArrayLike) -> tuple[Array, Array]:
     z = np.array(z, dtype=float)
     z = z.reshape(0, 2) if z.size == 0 else z
     if z.ndim != 2 or z.shape[1] != 2:
         raise ValueError(f"z: expected ranges and bearings of shape (m, 2), got {z.shape}")
-    if not np.isfinite(z).all() or not (z[:, 0] > 0).all():
+    numbers = z.ravel().tolist()
+    if not math.isfinite(sum(numbers)) or min(numbers[::2], default=1.0) <= 0:
         raise ValueError(f"z: expected finite bearings and ranges > 0, got {z}")
     R = np.asarray(R, dtype=float)
     if R.shape not in ((2, 2), (len(z), 2, 2)):
         raise ValueError(f"R: expected shape (2, 2) or ({len(z)}, 2, 2), got {R.shape}")
-    each = R.reshape(-1, 4)
-    a, b, c, d = each.T
-    if not ((b == c) & (a > 0) & (a * d > b * b) & (a + d < math.inf)).all():
-        each = np.array([check_covariance(one, "R", size=2).ravel() for one in each.reshape(-1, 2, 2)])
-    return z, np.resize(each, (len(z), 2, 2)) if len(each) == 1 else each.reshape(-1, 2, 2)
+    each = R.reshape(-1, 2, 2)
+    # Symmetric, a > 0, determinant > 0 and finite: what cannot be cleared so, the long look names or mends.
+    if not all(b == c and a > 0 and b * b < a * d < math.inf for (a, b), (c, d) in each.tolist()):
+        each = np.array([check_covariance(one, "R", size=2) for one in each])
+    return z, each if len(each) == len(z) else np.repeat(each, len(z), axis=0)
 
 
 def _frozen(array: Array) -> Array:
