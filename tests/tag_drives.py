@@ -43,7 +43,7 @@ class Drive:
 
 def record(path: str, seed: int, laps: int = 2, pictures: bool = False) -> Drive:
     """Two laps of the report's path by the PID pilot."""
-    world, rng = World(ARENA, seed), np.random.default_rng([seed, 1])
+    world, rng = World(ARENA, seed, substeps=4), np.random.default_rng([seed, 1])
     look = photograph if pictures else glance
     corners = {"square": square, "octagon": octagon}[path](laps=laps)
     steps, every = [(None, world.pose, look(world.pose, rng))], round(PERIOD / world.dt)
