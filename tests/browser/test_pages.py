@@ -100,6 +100,7 @@ def test_search_finds_a_word_and_leads_to_it(page, site, word):
     page.keyboard.press("Enter")
     first = page.locator("#search-results li a").first
     first.wait_for()
+    page.wait_for_load_state("networkidle")  # the excerpts of the other results are still being fetched
     first.click()
     page.wait_for_load_state("load")
     assert word in page.locator("main").inner_text().lower()
