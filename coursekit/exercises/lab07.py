@@ -25,6 +25,8 @@ def effective_size(answer: Any, rng: np.random.Generator) -> None:
         misconceptions={
             "exp(-800) is zero in double precision, and zero over zero is not a number. What may you add to every "
             "log weight without changing the normalised weights?": np.nan,
+            "exp(-800) is zero in double precision, and one over zero is no number of particles. Which number, "
+            "added to every log weight, cancels when the weights are normalised?": np.inf,
             "The weights have to sum to one before you square them.": 1 / np.sum(shifted**2),
             "That counts the weights above zero; a particle with a millionth of the weight is not a whole one.": n,
             "That looks at the heaviest particle alone; the others count too, through Σw².": 1 / w.max(),
@@ -63,6 +65,8 @@ def weigh(answer: Any, rng: np.random.Generator) -> None:
                 / mixed[np.isfinite(mixed)].sum(),
                 "Everything underflowed: subtract the largest before you take the exponential.": np.full(12, -np.inf),
                 "Zero over zero: the weights underflowed. Subtract the largest log first.": np.full(12, np.nan),
+                "The logarithm of zero: the sum underflowed. Subtract the largest log before you add up.": mixed
+                + np.inf,
             },
             otherwise="Write Bayes' rule for one particle, take its logarithm, then look at the denominator.",
         )

@@ -54,36 +54,33 @@ class HomeworkCloud:
     """The cloud before and after a fix, its weights, and its effective sample size at every fix so far."""
 
     def __init__(self) -> None:
-        self.figure = plotting.figure(7.6, 4.4)
-        panels: Any = self.figure.subfigures(1, 2, width_ratios=[1.5, 1])
-        ax, (upper, lower) = plotting.axes(panels[0]), plotting.axes(panels[1], 2, 1)
+        self.figure = plotting.figure(7.6, 6.2)
+        (ax, close), (weights, share) = plotting.axes(self.figure, 2, 2, height_ratios=[2.1, 1])
         ax.plot(*planned_path()[:, :2].T, color=plotting.ODOMETRY, lw=1, ls="--")
         ax.plot(*FIXES.T, "x", color=plotting.MEASUREMENT, ms=5, alpha=0.5)
-        ax.set(xlim=(-2.9, 2.9), ylim=(-0.7, 4.9), xlabel="x [m]", ylabel="y [m]", aspect="equal")
-        (self.before,) = ax.plot([], [], ".", color=plotting.ODOMETRY, ms=2.5, alpha=0.5, label="before the fix")
-        self.after = ax.scatter(
-            [np.nan], [np.nan], s=[9], color=plotting.ESTIMATE, alpha=0.55, lw=0, label="after, by weight"
-        )
-        (self.fix,) = ax.plot([], [], color=plotting.MEASUREMENT, lw=1.6, label="fix, 95 %")
-        (self.ellipse,) = ax.plot([], [], color=plotting.TRUTH, lw=1.4, label="cloud, 95 %")
-        ax.legend(loc="lower left", ncols=2, fontsize=8.5, markerscale=2, handletextpad=0.4, columnspacing=1.0)
+        ax.set(xlim=(-2.9, 2.9), ylim=(-0.9, 4.9), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        close.set(xlim=(-0.7, 0.7), ylim=(-0.7, 0.7), aspect="equal", title="close to the fix")
+        close.set(xlabel="x − x of the fix [m]", ylabel="y − y of the fix [m]")
+        self.views = [(ax, np.zeros(2)), (close, np.ones(2))]  # the second is drawn relative to the fix
+        self.clouds = []
+        for view, _ in self.views:
+            (before,) = view.plot([], [], ".", color=plotting.ODOMETRY, ms=2.5, alpha=0.5, label="before the fix")
+            after = view.scatter(
+                [np.nan], [np.nan], s=[9], color=plotting.ESTIMATE, alpha=0.55, lw=0, zorder=3, label="after, by weight"
+            )
+            (fix,) = view.plot([], [], color=plotting.MEASUREMENT, lw=1.6, zorder=4, label="fix, 95 %")
+            (ellipse,) = view.plot([], [], color=plotting.TRUTH, lw=1.4, zorder=4, label="cloud, 95 %")
+            self.clouds.append((before, after, fix, ellipse))
+        self.figure.legend(*ax.get_legend_handles_labels(), loc="outside upper center", ncols=4, markerscale=2.5)
         self.title = ax.set_title(" ", loc="left")
-        upper.set(xlim=(0, 100), ylim=(0, 12), xlabel="particles, heaviest first [%]")
-        upper.set_title("weight × n", loc="left")
-        (self.weights,) = upper.plot([], [], color=plotting.ESTIMATE)
-        upper.axhline(1, color=plotting.ODOMETRY, lw=1, ls="--")
-        lower.set(xlim=(2, 23), ylim=(0, 100), xticks=[5, 10, 15, 20], xlabel="time [s]")
-        lower.set_title("effective sample size [% of n]", loc="left")
-        self.bars = lower.bar(PERIOD * np.arange(1, 5), np.zeros(4), width=3.2, color=plotting.ESTIMATE)
-        self.moving: list[Artist] = [
-            self.before,
-            self.after,
-            self.fix,
-            self.ellipse,
-            self.title,
-            self.weights,
-            *self.bars,
-        ]
+        weights.set(xlim=(0, 100), ylim=(0, 12), yticks=[1, 4, 8, 12], xlabel="particles, heaviest first [%]")
+        weights.set_title("weight × n", loc="left")
+        (self.weights,) = weights.plot([], [], color=plotting.ESTIMATE)
+        weights.axhline(1, color=plotting.ODOMETRY, lw=1, ls="--")
+        share.set(xlim=(2, 23), ylim=(0, 100), xticks=[5, 10, 15, 20], xlabel="time [s]")
+        share.set_title("effective sample size [% of n]", loc="left")
+        self.bars = share.bar(PERIOD * np.arange(1, 5), np.zeros(4), width=3.2, color=plotting.ESTIMATE)
+        self.moving: list[Artist] = [*sum(self.clouds, ()), self.title, self.weights, *self.bars]
         self.run = lru_cache(maxsize=64)(self._run)
 
     @staticmethod
@@ -95,11 +92,14 @@ class HomeworkCloud:
         now = round(time / PERIOD) - 1
         before, after = history[now]
         shown = slice(None, None, max(1, particles // 1000))
-        self.before.set_data(*before.states[shown, :2].T)
-        self.after.set_offsets(after.states[shown, :2])
-        self.after.set_sizes(np.minimum(14 * particles * after.weights[shown] * 300 / max(particles, 300), 260))
-        self.fix.set_data(*(FIXES[now] + gaussian.ellipse(FIX.R)).T)
-        self.ellipse.set_data(*_ellipse(after).T)
+        sizes = np.minimum(14 * particles * after.weights[shown] * 300 / max(particles, 300), 260)
+        for (_, relative), (grey, blue, fix, ellipse) in zip(self.views, self.clouds):
+            origin = relative * FIXES[now]
+            grey.set_data(*(before.states[shown, :2] - origin).T)
+            blue.set_offsets(after.states[shown, :2] - origin)
+            blue.set_sizes(sizes)
+            fix.set_data(*(FIXES[now] - origin + gaussian.ellipse(FIX.R)).T)
+            ellipse.set_data(*(_ellipse(after) - origin).T)
         self.weights.set_data(np.linspace(0, 100, particles), particles * np.sort(after.weights)[::-1])
         shares = [100 * _ess(weighed) / particles for _, weighed in history]
         for k, bar in enumerate(self.bars):
@@ -141,10 +141,12 @@ class ResamplerStrip:
         (self.spread,) = copies.plot(
             [], [], color=plotting.BAND, lw=3, label="mean ± one standard deviation, 1000 draws"
         )
+        (self.centre,) = copies.plot([], [], "_", color=plotting.BAND, ms=9, mew=2.5)
         (self.drawn,) = copies.plot([], [], "D", color=plotting.MEASUREMENT, ms=6, label="copies in this draw")
         copies.legend(loc="upper right", fontsize=8.5)
         self.moving: list[Artist] = [
-            *self.slices, *self.names, self.stops, self.certain, self.title, *self.expected, self.spread, self.drawn,
+            *self.slices, *self.names, self.stops, self.certain, self.title, *self.expected, self.spread, self.centre,
+            self.drawn,
         ]  # fmt: skip
         self.statistics = lru_cache(maxsize=32)(self._statistics)
 
@@ -188,6 +190,7 @@ class ResamplerStrip:
         centre, sd = self.statistics(method, weights)
         bars = np.array([[i, i, np.nan] for i in range(10)]) + 0.22, np.stack([centre - sd, centre + sd, sd], axis=1)
         self.spread.set_data(bars[0].ravel(), bars[1].ravel())
+        self.centre.set_data(np.arange(10) + 0.22, centre)
         self.drawn.set_data(np.arange(10), copies)
         ess = particles.effective_sample_size(w)
         self.title.set_text(
@@ -218,14 +221,14 @@ class NoiseModels:
         ax, curve = plotting.axes(self.figure, 1, 2, width_ratios=[1.15, 1])
         ax.plot(*planned_path(12)[:, :2].T, color=plotting.ODOMETRY, lw=1, ls="--")
         (self.cloud,) = ax.plot([], [], ".", ms=2.5, alpha=0.5)
-        ax.set(xlim=(-1.2, 2.9), ylim=(1.0, 4.6), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        ax.set(xlim=(-1.7, 3.5), ylim=(0.4, 4.6), xlabel="x [m]", ylabel="y [m]", aspect="equal")
         self.title = ax.set_title(" ", loc="left")
         for noise, colour in self.NOISE.items():
             variance = [self.endings[k, noise][:, 0].var() for k in self.STEPS]
             curve.plot(self.STEPS, variance, ".-", color=colour, label=noise)
         (self.here,) = curve.plot([], [], "o", mfc="none", mec=plotting.TRUTH, ms=11, mew=2)
         curve.set(xscale="log", yscale="log", xlabel="steps in 10 s", ylabel="var x [m²]")
-        curve.set_title("the same σ, three meanings", loc="left")
+        curve.set_title("one σ, three meanings", loc="left")
         curve.legend(loc="lower left")
         self.moving: list[Artist] = [self.cloud, self.title, self.here]
 
@@ -268,9 +271,9 @@ def banana(cloud: Particles, fix: Array) -> Figure:
     ax.plot([], [], "o", color=plotting.PREDICTION, ms=4, label=f"{len(cloud)} guesses after 10 s")
     ax.plot(*_ellipse(cloud).T, color=plotting.TRUTH, lw=1.4, label="95 % ellipse of their covariance")
     ax.plot(*(fix + gaussian.ellipse(FIX.R)).T, color=plotting.MEASUREMENT, label="the fix, 95 %")
-    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", xlim=(-1.8, 3.6), ylim=(-0.3, 4.3))
+    ax.set(xlabel="x [m]", ylabel="y [m]", aspect="equal", xlim=(-4.4, 3.7), ylim=(-0.3, 4.3))
     ax.set_title("How many of these guesses survive the fix?", loc="left")
-    ax.legend(loc="lower left")
+    ax.legend(loc="lower left", fontsize=9)
     return fig
 
 
@@ -297,7 +300,7 @@ def mean_copies(weights: Array, methods: dict[str, Any], draws: int = 3000) -> F
     ax.bar(range(n), n * weights, color="#d9e6ef", width=0.9, label="n × weight")
     for marker, colour, (name, method) in zip("Do", (plotting.MEASUREMENT, plotting.ESTIMATE), methods.items()):
         copies = np.mean([np.bincount(method(weights, rng), minlength=n) for _ in range(draws)], axis=0)
-        ax.plot(range(n), copies, marker, color=colour, ms=5, label=name)
+        ax.plot(range(n), copies, marker, color=colour, ms=5, label=name, clip_on=False)
     ax.set(xlabel="particle", ylabel=f"mean copies, {draws} draws")
     ax.legend(loc="upper right" if weights[0] > weights[-1] else "upper left")
     return fig

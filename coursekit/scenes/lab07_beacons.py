@@ -43,16 +43,22 @@ def drive_among_beacons(rng: np.random.Generator, seconds: float = 12.0) -> list
 
 
 def found_robot(history: list[tuple[Particles, Array]], legs: tuple[int, ...] = (0, 2, 9)) -> Figure:
-    """Some of the cloud after some of the legs, as arrows in the lab's plan, with the truth."""
-    fig = plotting.figure(8.4, 3.0)
-    for ax, k in zip(plotting.axes(fig, 1, len(legs), sharey=True), legs):
+    """The drive in the lab's plan, then some of the cloud after some of the legs, as arrows around the robot."""
+    fig = plotting.figure(7.4, 6.2)
+    plan, *views = plotting.axes(fig, 2, 2).ravel()
+    plotting.draw_arena(plan, LAB)
+    plan.plot(*BEACONS.T, "o", mfc="none", mec=plotting.MEASUREMENT, ms=12, mew=1.5, label="beacons")
+    plan.plot(*np.array([truth for _, truth in history]).T[:2], ".-", color=plotting.TRUTH, label="the drive")
+    plan.set_title("to be searched", loc="left")
+    plan.legend(loc="upper center", ncols=2, fontsize=8.5)
+    plan.set(ylim=(-3.2, 4.3))
+    for ax, k in zip(views, legs):
         cloud, truth = history[k]
-        x, y, heading = cloud.states[np.random.default_rng(k).choice(len(cloud), size=150, p=cloud.weights)].T
-        plotting.draw_arena(ax, LAB)
-        plotting.draw_robot(ax, truth, colour=plotting.TRUTH, size=0.6)
-        ax.quiver(x, y, np.cos(heading), np.sin(heading), color=plotting.ESTIMATE, angles="xy", scale=16, width=0.005,
-                  alpha=0.7, zorder=6)  # fmt: skip
-        ax.set(xlim=(-2.6, 2.6), ylim=(-2.2, 2.6), ylabel="y [m]" if k == legs[0] else "")
+        x, y, heading = cloud.states[np.random.default_rng(k).choice(len(cloud), size=120, p=cloud.weights)].T
+        ax.quiver(x, y, np.cos(heading), np.sin(heading), color=plotting.ESTIMATE, angles="xy", scale=14, width=0.006,
+                  alpha=0.6, zorder=4)  # fmt: skip
+        plotting.draw_robot(ax, truth, colour="none", size=0.5, edgecolor=plotting.TRUTH, lw=2, zorder=6)
+        ax.set(xlim=truth[0] + [-1.1, 1.1], ylim=truth[1] + [-1.1, 1.1], aspect="equal", xlabel="x [m]", ylabel="y [m]")
         ax.set_title(f"{(k + 1) / 2:g} s: {len(cloud):,d} particles", loc="left")
     return fig
 

@@ -89,6 +89,7 @@ ANSWERS = {
         second=lambda l: float(np.exp(2 * logsumexp(l) - logsumexp(2 * l))),
         wrong={
             "no shift": (lambda l: 1 / np.sum((np.exp(l) / np.exp(l).sum()) ** 2), "What may you add"),
+            "squared at once": (lambda l: 1 / np.sum(np.exp(l) ** 2), "no number of particles"),
             "shifted, not normalised": (lambda l: 1 / np.sum(np.exp(l - l.max()) ** 2), "sum to one before you square"),
             "counts the living": (lambda l: np.sum(normalised(l) > 0), "not a whole one"),
             "one over the largest": (lambda l: 1 / normalised(l).max(), "heaviest particle alone"),
@@ -108,6 +109,7 @@ ANSWERS = {
             "largest at zero": (lambda l, g: l + g - np.max(l + g), "at zero now"),
             "not normalised": (lambda l, g: l + g, "has a denominator"),
             "underflow": (lambda l, g: np.log(np.exp(l + g) / np.exp(l + g).sum()), "Zero over zero"),
+            "log of the sum": (lambda l, g: l + g - np.log(np.sum(np.exp(l + g))), "before you add up"),
             "logs of zeros": (lambda l, g: np.log(np.exp(l + g)), "before you take the exponential"),
             "something else": (lambda l, g: weigh(l, 2 * g), "Write Bayes' rule"),
         },
