@@ -9,6 +9,8 @@ import numpy as np
 from coursekit.exercises import call, close, exercise, expect
 from coursekit.geometry import rotation, wrap_angle
 
+HEIGHT = 800  # of the lab's map, px
+
 
 @exercise("lab08.odometry_from_image")
 def odometry_from_image(answer: Any, rng: np.random.Generator) -> None:
@@ -22,6 +24,11 @@ def odometry_from_image(answer: Any, rng: np.random.Generator) -> None:
         misconceptions={
             "The heading is right but for whole turns: it has to lie in (-π, π].": [u, -v, right],
             "v grows downwards on the picture and y upwards on the map of the odometry.": [u, v, wrap_angle(right)],
+            "The origin stays at the map's top left: turn the sign of v round, and add no height.": [
+                u,
+                HEIGHT - v,
+                wrap_angle(right),
+            ],
             "Clockwise and anticlockwise: when the yaw grows, the other heading must shrink.": [
                 u,
                 -v,
@@ -90,30 +97,42 @@ def pose_from_homography(answer: Any, rng: np.random.Generator) -> None:
 
 @exercise("lab08.effective_share")
 def effective_share(answer: Any, rng: np.random.Generator) -> None:
-    cloud, fix = rng.uniform(1.0, 5.0, 3), rng.uniform(0.05, 0.4, 3)
+    cloud, fix = _slanted(rng, rng.uniform(1.0, 3.0, 3)), _slanted(rng, rng.uniform(0.3, 0.6, 3))
     got = call(answer, cloud, fix)
-    each = fix * np.sqrt(fix**2 + 2 * cloud**2) / (fix**2 + cloud**2)
+
+    def share(P: Any, R: Any) -> Any:
+        return np.sqrt(np.linalg.det(R) * np.linalg.det(R + 2 * P)) / np.linalg.det(R + P)
+
+    det, straight = np.linalg.det, share(np.diag(np.diag(cloud)), np.diag(np.diag(fix)))
+    p, r = np.diag(cloud), np.diag(fix)
     close(
         got,
-        np.prod(each),
+        share(cloud, fix),
         misconceptions={
-            "That is the share along each axis; a particle has to be near the fix along all of them at once.": each,
-            "Independent axes multiply, they do not add.": np.sum(each),
-            "The mean over the axes? A particle has to be near the fix along all of them at once.": np.mean(each),
-            "That is the mean weight at the cloud's width, E[w]; the effective share is E[w]² / E[w²].": np.prod(
-                fix / np.sqrt(fix**2 + cloud**2)
+            "The cloud is slanted: what stands beside the diagonal counts, too.": straight,
+            "A covariance's diagonal holds variances, and those were taken for standard deviations.": share(
+                np.diag(p**2), np.diag(r**2)
             ),
-            "Nearly, for a sharp fix: that is the limit, and the exact expression is as short.": np.prod(
-                np.sqrt(2) * fix / cloud
+            "That is the mean weight, E[w]; the effective share is E[w]² / E[w²].": np.sqrt(
+                det(fix) / det(fix + cloud)
             ),
-            "The two spreads have changed places: a sharper fix must leave fewer.": np.prod(
-                cloud * np.sqrt(cloud**2 + 2 * fix**2) / (fix**2 + cloud**2)
+            "That is E[w²]; the effective share is E[w]² / E[w²].": np.sqrt(det(fix) / det(fix + 2 * cloud)),
+            "A Gaussian's integral goes with the root of the determinant.": share(cloud, fix) ** 2,
+            "Nearly, for a sharp fix: that is the limit, and the exact expression is as short.": np.sqrt(
+                2.0 ** len(fix) * det(fix) / det(cloud)
             ),
-            "Upside down: that is how many particles one effective one costs.": 1 / np.prod(each),
+            "The two have changed places: a sharper fix must leave fewer.": share(fix, cloud),
+            "Upside down: that is how many particles one effective one costs.": 1 / share(cloud, fix),
         },
-        otherwise="Do one axis first: E[w] and E[w²] are integrals of a Gaussian times a Gaussian.",
+        otherwise="E[w] and E[w²] are integrals of exp(-½ eᵀ M e), with a matrix M each: which?",
         tolerance=1e-5,
     )
+
+
+def _slanted(rng: np.random.Generator, sigma: Any) -> Any:
+    """A covariance (n, n) with standard deviations ``sigma`` in about that order, turned out of the axes."""
+    A = np.diag(sigma) @ (np.eye(len(sigma)) + 0.4 * rng.standard_normal((len(sigma), len(sigma))))
+    return A @ A.T
 
 
 @exercise("lab08.mixture_log_weights")
@@ -131,9 +150,13 @@ def mixture_log_weights(answer: Any, rng: np.random.Generator) -> None:
     with np.errstate(divide="ignore", invalid="ignore"):
         naive = np.log(np.exp(log_prior) * np.exp(log_likelihood)
                        / ((1 - share) * np.exp(log_prior) + share * np.exp(log_fix)))  # fmt: skip
+        half_naive = top - np.log((1 - share) * np.exp(log_prior) + share * np.exp(log_fix))
     expected = top - below(1 - share, share)
     hints = {
         "Zero over zero: the densities underflowed. logaddexp adds two numbers that live in logs.": naive,
+        "The logarithm of zero: the densities underflowed. logaddexp adds two numbers that live in logs.": half_naive,
+        "A share multiplies a density; to the density's logarithm its own logarithm is added.": top
+        - np.logaddexp((1 - share) * log_prior, share * log_fix),
         "The shares have changed places: which part of the particles came from the fix?": top - below(share, 1 - share),
         "Every particle came from one of two sources: leave out neither in the denominator.": top - log_fix,
         "That is the plain filter: what came from the fix would not pay for its source.": log_likelihood,
@@ -143,6 +166,7 @@ def mixture_log_weights(answer: Any, rng: np.random.Generator) -> None:
         "A sum of densities is no sum of logs: that is their geometric mean.": top
         - ((1 - share) * log_prior + share * log_fix),
         "Those are the weights; the caller asked for their logs.": np.exp(expected),
+        "Those are weights that add up to one, and no logarithms.": np.exp(expected) / np.sum(np.exp(expected)),
     }
     got_array = np.asarray(got, dtype=float)
     if got_array.shape == expected.shape:  # a common constant does not matter, and neither do hints about it

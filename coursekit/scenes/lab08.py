@@ -108,16 +108,17 @@ def alive(cloud: Particles) -> float:
 def starving(clouds: dict[str, Particles], fix: Gaussian, truth: Array) -> Figure:
     """Clouds after one fix, close up and closer: dots as large as their weight, the fix's ellipse, the truth."""
     figure = plotting.figure(7.2, 3.2)
-    for ax, (name, cloud), reach in zip(
-        plotting.axes(figure, 1, len(clouds)), clouds.items(), [8, 8, 0.25], strict=True
-    ):
+    panels, reaches = plotting.axes(figure, 1, len(clouds)), [8, 8, 0.25]
+    for ax, (name, cloud), reach in zip(panels, clouds.items(), reaches, strict=True):
         sizes = np.clip(12 * len(cloud) * cloud.weights, 4, 500)
         offsets = cloud.states[:, :2] - truth[:2]
         ax.scatter(*offsets.T, s=sizes, color=plotting.ESTIMATE, alpha=0.45, lw=0)
         ax.plot(*(fix.mean - truth)[:2], "+", color=plotting.MEASUREMENT, ms=12, mew=1.8)
         ax.plot(*((fix.mean - truth)[:2] + ellipse(fix.cov[:2, :2])).T, color=plotting.MEASUREMENT, lw=1.2)
         ax.set(xlim=(-reach, reach), ylim=(-reach, reach), aspect="equal", xlabel="east of the truth [px]")
-        ax.set_title(f"{name}\n{alive(cloud):.0f} of {len(cloud)} count", fontsize=10)
+        closer = f" (magnified × {reaches[0] / reach:.0f})" if reach < reaches[0] else ""
+        ax.set_title(f"{name}{closer}\n{alive(cloud):.0f} of {len(cloud)} count", fontsize=10)
+    panels[0].set_ylabel("north of the truth [px]")
     return figure
 
 
@@ -126,19 +127,29 @@ def along_the_dive(error: Array, beliefs: Sequence[Gaussian], fixes: Sequence[Fi
     figure = plotting.figure(7.2, 3.8)
     ax = plotting.axes(figure)
     k = np.arange(1, len(error) + 1)
-    for frame in k[[not fix for fix in fixes[1:]]]:
+    blind = k[[not fix for fix in fixes[1:]]]
+    for frame in blind:
         ax.axvspan(frame - 0.5, frame + 0.5, color="#d9d9d9", lw=0)
+    if len(blind):
+        ax.text(blind.mean(), 1.1e3, "no picture matches", ha="center", va="top", fontsize=9.5)
     radius = [np.sqrt(5.99 * np.linalg.eigvalsh(b.cov[:2, :2])[1]) for b in beliefs]
-    ax.fill_between(k, 1e-3, radius, color=plotting.BAND, alpha=0.2, lw=0, label="the filter's 95 % radius")
+    ax.fill_between(k, 1e-3, radius, color=plotting.BAND, alpha=0.2, lw=0, label="its 95 % radius")
     ax.plot(k, np.hypot(*pose_residual(poses_of(fixes), truth)[1:, :2].T), "+", color=plotting.MEASUREMENT, label="fix")
     ax.plot(k, np.hypot(*error[:, :2].T), color=plotting.ESTIMATE, label="filter")
     ax.axvline(KIDNAPPED, color=plotting.TRUTH, lw=1, ls="--")
-    ax.annotate("carried off", (KIDNAPPED, 1.5e3), xytext=(5, 0), textcoords="offset points", fontsize=9.5, va="top")
+    ax.annotate("carried off", (KIDNAPPED, 1.1e3), xytext=(7, 0), textcoords="offset points", fontsize=9.5, va="top")
     ax.set(
         yscale="log", ylim=(8e-4, 2e3), xlim=(0.5, len(k) + 0.5), xlabel="frame", ylabel="distance from the truth [px]"
     )
-    ax.set_title("Blind over sand it drifts and says so; one picture brings it back")
-    ax.legend(loc="lower right", ncols=3, facecolor="white", frameon=True, framealpha=0.8, edgecolor="none")
+    ax.set_title("Blind over sand it drifts, and says so; carried off, it doubts one picture")
+    ax.legend(
+        loc="upper left",
+        bbox_to_anchor=(0.015, 0.98),
+        handlelength=1.4,
+        facecolor="white",
+        frameon=True,
+        edgecolor="none",
+    )
     return figure
 
 

@@ -27,6 +27,7 @@ from coursekit.visual import (
     mode,
     odometry_from_image,
 )
+from coursekit.visual.direct import shrink
 from coursekit.visual.matching import as_grey
 from coursekit.world import seafloor
 from coursekit.world.seafloor import DT, FRAME, Dive, look
@@ -96,8 +97,8 @@ class Following:
     def __init__(self, dived: Dive, fixes: Sequence[Fix | Rejected], calibration: MotionCalibration) -> None:
         self.dive, self.fixes, self.calibration = dived, fixes, calibration
         self.truth = odometry_from_image(dived.poses)
-        self.figure = plotting.figure(7.4, 5.6)
-        panels: Any = self.figure.subfigures(2, 1, height_ratios=[1, 1.05])
+        self.figure = plotting.figure(7.4, 6.0)
+        panels: Any = self.figure.subfigures(2, 1, height_ratios=[1.12, 1.05])
         above = plotting.axes(panels[0])
         camera, near, error = plotting.axes(panels[1], 1, 3, width_ratios=[1, 1, 1.35])
         self.title = draw_map(above, faint=True)
@@ -106,10 +107,12 @@ class Following:
         self.frame = bare(camera).imshow(np.zeros((FRAME // 4, FRAME // 4, 3), np.uint8))
         self.says = camera.set_title(" ", loc="left", fontsize=9.5)
         near.set(xlim=(-15, 15), ylim=(-15, 15), aspect="equal", xlabel="east of the truth [px]")
+        near.set_ylabel("north [px]")
         near.set_title("close up", loc="left")
+        self.nobody = near.text(0, 6, " ", ha="center", fontsize=9.5)
         self.close = near.scatter([np.nan], [np.nan], s=[9], color=plotting.ESTIMATE, alpha=0.5, lw=0)
         (self.seen,) = near.plot([], [], "+", color=plotting.MEASUREMENT, ms=11, mew=1.8)
-        (self.ellipse,) = near.plot([], [], color=plotting.TRUTH, lw=1.2)
+        (self.ellipse,) = near.plot([], [], color=plotting.BAND, lw=2)
         error.set(xlim=(0, len(dived)), ylim=(2e-3, 3e3), yscale="log", xlabel="frame")
         error.set_title("distance from the truth [px]", loc="left")
         off = np.hypot(*(poses_of(fixes) - self.truth)[:, :2].T)
@@ -118,8 +121,8 @@ class Following:
         (self.now,) = error.plot([], [], "o", color=plotting.ESTIMATE, ms=6)
         error.legend(loc="upper left", fontsize=8.5, ncols=2)
         self.moving: list[Artist] = [
-            self.title, self.cloud, self.outline, self.frame, self.says, self.close, self.seen, self.ellipse, self.line,
-            self.now,
+            self.title, self.cloud, self.outline, self.frame, self.says, self.close, self.nobody, self.seen,
+            self.ellipse, self.line, self.now,
         ]  # fmt: skip
         self.run = lru_cache(maxsize=16)(self._run)
         self.picture = lru_cache(maxsize=128)(self._picture)
@@ -150,7 +153,9 @@ class Following:
         self.outline.set_data(*outline(self.dive.poses[frame], self.dive.light[frame, 0]).T)
         self.frame.set_data(rgb(self.picture(frame), 1))
         self.says.set_text(f"frame {frame}: {fix.inliers if isinstance(fix, Fix) else 'no'} inliers")
-        self.close.set_offsets(cloud.states[:, :2] - truth[:2])
+        offsets = cloud.states[:, :2] - truth[:2]
+        self.close.set_offsets(offsets)
+        self.nobody.set_text(" " if np.any(np.abs(offsets).max(axis=1) < 15) else "no particle here")
         self.close.set_sizes(np.clip(9 * len(cloud) * cloud.weights, 3, 120))
         self.seen.set_data(*((fix.belief.mean - truth)[:2, None] if isinstance(fix, Fix) else ([], [])))
         self.ellipse.set_data(*((belief.mean - truth)[:2] + ellipse(belief.cov[:2, :2])).T)
@@ -209,8 +214,7 @@ class Peak:
         shift = np.stack([*np.meshgrid(self.reach, self.reach), np.full((33, 33), np.radians(turned))], axis=-1)
         states = odometry_from_image(self.POSE) + shift.reshape(-1, 3)
         rho = DirectMatcher(seafloor.load(), level).correlation(picture)(states).reshape(33, 33)
-        small = cv2.resize(picture, None, fx=0.5**level, fy=0.5**level, interpolation=cv2.INTER_AREA)
-        return small, rho
+        return shrink(picture, level) + picture.mean(), rho
 
     def update(self, *, level: int, turned: int, water: str) -> None:
         small, rho = self.landscape(level, turned, water)
@@ -223,7 +227,7 @@ class Peak:
 
     def _words(self, rho: Array) -> str:
         wide = 6.0 * np.sqrt(np.sum(rho > 0.5 * max(rho.max(), 1e-9)) / np.pi)
-        return f"best ρ {rho.max():.2f}, half of it {wide:.0f} px away"
+        return f"best ρ {rho.max():.2f}; half of it {wide:.0f} px off"
 
     def alt(self, level: int, turned: int, water: str) -> str:
         return (

@@ -51,17 +51,15 @@ def not_divided(H, shape):
     return np.array([*(H @ [(w - 1) / 2, (h - 1) / 2, 1.0])[:2], np.arctan2(H[1, 0], H[0, 0])])
 
 
-def share(cloud, fix):
-    return np.prod(fix * np.sqrt(fix**2 + 2 * cloud**2) / (fix**2 + cloud**2))
+def share(P, R):
+    return np.sqrt(np.linalg.det(R) * np.linalg.det(R + 2 * P)) / np.linalg.det(R + P)
 
 
-def share_by_quadrature(cloud, fix):
-    t, dt = np.linspace(-9, 9, 40_001, retstep=True)
-    total = 1.0
-    for c, f in zip(cloud, fix):
-        p, w = np.exp(-0.5 * t**2) / np.sqrt(2 * np.pi), np.exp(-0.5 * (t * c / f) ** 2)
-        total *= (np.sum(p * w) * dt) ** 2 / (np.sum(p * w**2) * dt)
-    return total
+def share_by_axes(P, R):
+    """Along the axes in which the fix is a unit ball and the cloud is not slanted."""
+    whitened = np.linalg.solve(np.linalg.cholesky(R), np.linalg.cholesky(P))
+    ratio = np.linalg.svd(whitened, compute_uv=False) ** 2
+    return np.prod(np.sqrt(1 + 2 * ratio) / (1 + ratio))
 
 
 def mixture(log_prior, log_fix, log_likelihood, share):
@@ -78,6 +76,12 @@ def underflowing(log_prior, log_fix, log_likelihood, share):
     with np.errstate(all="ignore"):
         below = (1 - share) * np.exp(log_prior) + share * np.exp(log_fix)
         return np.log(np.exp(log_prior) * np.exp(log_likelihood) / below)
+
+
+def underflowing_below(log_prior, log_fix, log_likelihood, share):
+    with np.errstate(all="ignore"):
+        below = (1 - share) * np.exp(log_prior) + share * np.exp(log_fix)
+        return log_prior + log_likelihood - np.log(below)
 
 
 def clump(states, weights):
@@ -107,6 +111,7 @@ ANSWERS = {
         wrong={
             "not wrapped": (frame(theta=lambda yaw: np.pi / 2 - yaw), "but for whole turns"),
             "v kept": (frame(flip=1), "v grows downwards"),
+            "origin at the bottom": (lambda pose: frame(flip=-1)(pose) + np.array([0, 800, 0]), "origin stays"),
             "sense of rotation kept": (frame(theta=lambda yaw: wrap_angle(yaw + np.pi / 2)), "must shrink"),
             "zero kept": (frame(theta=lambda yaw: wrap_angle(-yaw)), "must not get heading zero"),
             "quarter turn the wrong way": (frame(theta=lambda yaw: wrap_angle(-np.pi / 2 - yaw)), "the wrong way"),
@@ -133,18 +138,19 @@ ANSWERS = {
     "lab08.effective_share": Answers(
         stub=stub,
         reference=share,
-        second=share_by_quadrature,
+        second=share_by_axes,
         wrong={
-            "one for each axis": (
-                lambda c, f: f * np.sqrt(f**2 + 2 * c**2) / (f**2 + c**2),
-                "the share along each axis",
+            "diagonals only": (lambda P, R: share(P * np.eye(3), R * np.eye(3)), "beside the diagonal"),
+            "variances as deviations": (
+                lambda P, R: share(P**2 * np.eye(3), R**2 * np.eye(3)),
+                "taken for standard deviations",
             ),
-            "sum": (lambda c, f: np.sum(f * np.sqrt(f**2 + 2 * c**2) / (f**2 + c**2)), "do not add"),
-            "mean": (lambda c, f: np.mean(f * np.sqrt(f**2 + 2 * c**2) / (f**2 + c**2)), "The mean over the axes?"),
-            "mean weight": (lambda c, f: np.prod(f / np.sqrt(f**2 + c**2)), "E[w]² / E[w²]"),
-            "limit": (lambda c, f: np.prod(np.sqrt(2) * f / c), "that is the limit"),
-            "swapped": (lambda c, f: share(f, c), "changed places"),
-            "inverse": (lambda c, f: 1 / share(c, f), "Upside down"),
+            "mean weight": (lambda P, R: np.sqrt(np.linalg.det(R) / np.linalg.det(R + P)), "the mean weight"),
+            "mean square": (lambda P, R: np.sqrt(np.linalg.det(R) / np.linalg.det(R + 2 * P)), "That is E[w²]"),
+            "no root": (lambda P, R: share(P, R) ** 2, "root of the determinant"),
+            "limit": (lambda P, R: np.sqrt(8 * np.linalg.det(R) / np.linalg.det(P)), "that is the limit"),
+            "swapped": (lambda P, R: share(R, P), "changed places"),
+            "inverse": (lambda P, R: 1 / share(P, R), "Upside down"),
         },
     ),
     "lab08.mixture_log_weights": Answers(
@@ -153,6 +159,9 @@ ANSWERS = {
         second=mixture_normalised,
         wrong={
             "underflow": (underflowing, "Zero over zero"),
+            "underflow below": (underflowing_below, "logarithm of zero"),
+            "share times a log": (lambda p, f, z, s: p + z - np.logaddexp((1 - s) * p, s * f), "its own logarithm"),
+            "normalised weights": (lambda p, f, z, s: np.exp(mixture_normalised(p, f, z, s)), "add up to one"),
             "shares swapped": (lambda p, f, z, s: mixture(p, f, z, 1 - s), "shares have changed places"),
             "only the fix below": (lambda p, f, z, s: p + z - f, "leave out neither"),
             "plain filter": (lambda p, f, z, s: z.copy(), "the plain filter"),
