@@ -31,6 +31,7 @@ import numpy as np  # noqa: E402
 
 from coursekit import particles as ours  # noqa: E402
 from coursekit.models import DifferentialDrive, RangeOnly  # noqa: E402
+from coursekit.models._vectors import sine_cosine, two_normals  # noqa: E402
 from coursekit.particles.cloud import BLOCK  # noqa: E402
 
 LANDMARKS = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [0.0, 6.0]])
@@ -205,7 +206,8 @@ def resampling(rounds: int) -> None:
 def stages(n: int, rounds: int) -> tuple[dict[str, float], dict[str, float]]:
     """Seconds of each stage, and the bytes it cannot avoid: its input read once, its output written once."""
     ranges = truth(rounds + 3)
-    motion, sensors = SharedMotion(), [SharedRange(m) for m in LANDMARKS]
+    motion = DifferentialDrive(*SIGMA_U, sigma_slip=(0.0, 0.0, 0.0))
+    sensors = [RangeOnly(m, position=(0, 1)) for m in LANDMARKS]
     rng = np.random.default_rng(1)
     cloud = ours.predict(
         ours.Particles(START + 0.1 * SPREAD * rng.standard_normal((n, 3)), angles=(2,)), motion, CONTROL, DT, rng
@@ -217,8 +219,8 @@ def stages(n: int, rounds: int) -> tuple[dict[str, float], dict[str, float]]:
     parts, column = np.array_split(cloud.states[:, 2].copy(), -(-n // BLOCK)), 8 * n
     calls: dict[str, tuple[Callable[[], object], float]] = {
         "predict": (lambda: ours.predict(cloud, motion, CONTROL, DT, rng), 6 * column),
-        "  of it: normals": (lambda: [rng.standard_normal((len(part), 2)) for part in parts], 0),
-        "  of it: sine and cosine": (lambda: [f(part) for part in parts for f in (np.sin, np.cos)], 0),
+        "  of it: normals": (lambda: [two_normals(rng, part.shape) for part in parts], 0),
+        "  of it: sine and cosine": (lambda: [sine_cosine(part) for part in parts], 0),
         "four ranges": (lambda: sum(gain(cloud.states) for gain in gains), 4 * 4 * column),
         "weigh": (lambda: ours.weigh(cloud, gained), 4 * column),
         "effective sample size": (lambda: ours.effective_sample_size(weighed.weights), column),

@@ -3,10 +3,11 @@
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.stats import chi2
+from scipy.stats import chi2, kstest
 
 from coursekit.geometry import wrap_angle
 from coursekit.models import ConstantVelocity, CreepingWheels, DifferentialDrive, pose_residual
+from coursekit.models._vectors import sine_cosine, two_normals
 from coursekit.world.arena import Arena
 from coursekit.world.robot import Robot, World
 
@@ -19,6 +20,20 @@ def test_the_robot_runs_along_the_arc_that_integration_gives(control):
     )
     got = DifferentialDrive().f([1.0, 2.0, 0.3], control, 0.7)
     np.testing.assert_allclose(pose_residual(got, path.y[:, -1]), 0, atol=1e-9)
+
+
+def test_one_tangent_gives_sine_and_cosine_to_the_last_digits_all_round_and_far_out():
+    angle = np.concatenate([np.linspace(-10, 10, 4001), np.arange(-8, 9) * np.pi / 2, [0.0, 1e-300, 1e3]])
+    np.testing.assert_allclose(sine_cosine(angle), [np.sin(angle), np.cos(angle)], rtol=0, atol=6e-16)
+
+
+def test_noise_in_pairs_is_normal_and_the_pair_are_strangers():
+    """Kolmogorov and Smirnov's test of both and of their sum over √2, which is normal only of independent normals:
+    each p below 1e-4 once in 10,000 sets of seeds."""
+    one, other = two_normals(np.random.default_rng(3), (20_000,))
+    for sample in (one, other, (one + other) / np.sqrt(2), (one - other) / np.sqrt(2)):
+        assert kstest(sample, "norm").pvalue > 1e-4
+    assert np.isfinite(two_normals(np.random.default_rng(0), (100_000,))).all()
 
 
 def test_many_states_move_as_each_would_alone():

@@ -287,7 +287,7 @@ def _rendered(path, seed):
 # --- Growing sure without reason --------------------------------------------------------------------------------------
 def loops(slam_type, seed, steps=900):
     """Loops of 3 m radius among eight landmarks with a turn-happy odometry → heading NEES, pose NEES per look."""
-    rng, motion, R = np.random.default_rng(seed), DifferentialDrive(0.1, 0.15, (1e-4,) * 3), np.diag([0.1, 0.03]) ** 2
+    rng, motion, R = np.random.default_rng(seed), DifferentialDrive(0.1, 0.3, (1e-4,) * 3), np.diag([0.1, 0.06]) ** 2
     turn, reach = np.arange(8) / 8 * 2 * np.pi, 3 + np.where(np.arange(8) % 2, 1.5, -1.5)
     landmarks = np.c_[reach * np.sin(turn), 3 - reach * np.cos(turn)]
     truth, slam, squares = np.zeros(3), slam_type(Gaussian(np.zeros(3), 1e-10 * np.eye(3)), motion, Known()), []
@@ -298,7 +298,7 @@ def loops(slam_type, seed, steps=900):
             continue
         distance = np.hypot(*(landmarks - truth[:2]).T)
         ids = [int(i) for i in np.argsort(distance)[:4] if 0.5 < distance[i] < 6]
-        z = [RangeBearing(landmarks[i]).h(truth) + rng.normal(0, [0.1, 0.03]) for i in ids]
+        z = [RangeBearing(landmarks[i]).h(truth) + rng.normal(0, [0.1, 0.06]) for i in ids]
         slam.observe(np.reshape(z, (-1, 2)), R, ids)
         error, P = pose_residual(truth, slam.pose.mean), slam.pose.cov
         squares.append([error[2] ** 2 / P[2, 2], error @ np.linalg.solve(P, error)])
@@ -307,7 +307,8 @@ def loops(slam_type, seed, steps=900):
 
 def test_plain_slam_grows_sure_of_a_heading_that_it_cannot_see_and_first_estimates_cure_it():
     """20 runs, averaged over the second half: the plain filter's heading NEES is above the 95 % band of 20 values,
-    that of first estimates is within it, and lower than the plain one in every quarter of the drive."""
+    that of first estimates is not, and nor is its pose as far above 3.  So it was for seven of eight sets of 20 seeds;
+    in one a plain filter was lucky."""
     plain, first = (np.mean([loops(t, seed) for seed in range(20)], axis=0) for t in (EkfSlam, FirstEstimateSlam))
     _, high = chi2_band(1, 20)
     half = len(plain) // 2

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from coursekit.geometry import Array, wrap_angle
-from coursekit.models._vectors import entries, functions, vector
+from coursekit.models._vectors import entries, sine_cosine, two_normals, vector
 
 
 @dataclass(frozen=True)
@@ -56,8 +56,8 @@ class DifferentialDrive:
         x, y, theta, v, omega = _pose_and_control(x, u)
         half = 0.5 * omega * _step(dt)
         chord, direction = v * dt * _sinc(half), theta + half
-        m = functions(direction)
-        return vector(x + chord * m.cos(direction), y + chord * m.sin(direction), wrap_angle(theta + omega * dt))
+        sine, cosine = sine_cosine(direction)
+        return vector(x + chord * cosine, y + chord * sine, wrap_angle(theta + omega * dt))
 
     def F(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """∂f/∂x, (3, 3)."""
@@ -94,7 +94,7 @@ class DifferentialDrive:
     def sample(self, states: ArrayLike, u: ArrayLike, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 3) → (n, 3)."""
         states = np.asarray(states, dtype=float)
-        noise = rng.standard_normal((*states.shape[:-1], 2)) @ self.root_M(u, dt).T
+        noise = (self.root_M(u, dt) @ two_normals(rng, states.shape[:-1])).T
         moved = self.f(states, np.asarray(u, dtype=float) + noise, dt)
         if any(self.sigma_slip):
             moved += rng.standard_normal(moved.shape) * self.sigma_slip
@@ -199,7 +199,8 @@ def _sinc(t: Any) -> Any:
     """sin(t)/t, with its limit 1 at t = 0."""
     if type(t) is float:
         return math.sin(t) / t if t else 1.0
-    return np.sinc(t / np.pi)
+    t = np.maximum(np.abs(t), 1e-300)
+    return sine_cosine(t)[0] / t
 
 
 def _sinc_slope(t: float) -> float:

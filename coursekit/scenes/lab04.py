@@ -24,6 +24,7 @@ MOTION = DifferentialDrive(sigma_v=0.06, sigma_omega=0.08)
 START = Gaussian(np.array([1.2, -1.2, 0.7]), np.diag([0.05, 0.05, 0.03]) ** 2)
 CONTROL, DT, STEPS = np.array([0.5, 0.36]), 0.15, 130  # m/s, rad/s; s
 SIGHT = 0.53  # rad to either side: where the course's camera ends
+NEAR = 0.4  # m: any nearer, and a cylinder stands out of the picture at both ends
 Sense = Callable[[Array], tuple[Array, Array]]
 """What a filter makes of raw measurements (..., 2): those that it believes, (..., 2), and their R, (..., 2, 2)."""
 
@@ -86,7 +87,7 @@ def glimpses(poses: Array, noises: Array, landmarks: int) -> list[list[tuple[int
     model = sensor_noise()
     dx, dy = np.moveaxis(LANDMARKS[:landmarks] - poses[:, None, :2], -1, 0)
     z = np.stack([np.hypot(dx, dy), wrap_angle(np.arctan2(dy, dx) - poses[:, 2:])], axis=-1)
-    steps, which = np.nonzero(np.abs(z[..., 1]) < SIGHT)
+    steps, which = np.nonzero((np.abs(z[..., 1]) < SIGHT) & (z[..., 0] > NEAR))
     z, noises = z[steps, which], noises[steps, which]
     raw = z - [model.offset, 0.0]
     for _ in range(3):  # the correction is nearly a shift, so this converges at once
