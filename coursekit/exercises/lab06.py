@@ -40,6 +40,9 @@ def pair_up(answer: Any, rng: np.random.Generator) -> None:
             "It keeps the far ones and drops the near ones: which side of the reach counts?": np.where(
                 near > reach, nearest, -1
             ),
+            "scipy marks a point without a partner by the number of targets, and no target has that index: say -1.": (
+                np.where(near <= reach, nearest, len(target))
+            ),
             "Dropping the far ones shifts the rest: entry k must belong to source point k.": nearest[near <= reach],
         },
         otherwise="Measure from each source point to every target point, then look for the smallest along one axis.",
@@ -67,6 +70,9 @@ def best_rotation(answer: Any, rng: np.random.Generator) -> None:
             "That takes q to p: the other way round.": expected.T,
             "Changing the sign of the whole matrix moves all three axes; only the weakest may pay.": -(U @ Vt),
             "You flip the strongest axis; flip the one that costs least, the last.": U @ np.diag([-1.0, 1, 1]) @ Vt,
+            "You turned over a column of R itself; the axis that costs least is the last of U, before V comes in.": (
+                U @ Vt @ flip
+            ),
             "numpy's svd returns Vᵀ, not V: do not transpose it again.": U @ flip @ Vt.T,
             "That is the cross-covariance itself; its singular vectors make the rotation.": q.T @ p,
         },
@@ -104,6 +110,9 @@ def rmse(answer: Any, rng: np.random.Generator) -> None:
             ),
             "The root of the sum grows with the number of pairs: an M is missing.": np.sqrt(squares.sum()),
             "Rows of points times R rotate backwards: a row needs the transposed matrix.": np.sqrt(inverse_way.mean()),
+            "You shift first and rotate then: the shift is turned along.": np.sqrt(
+                np.mean(np.sum(((source[i] + t) @ R.T - target[j]) ** 2, axis=1))
+            ),
             "Those points have not been moved yet.": np.sqrt(np.mean(np.sum((source[i] - target[j]) ** 2, axis=1))),
             "Pairs are (source, target) in this order, and not row k with row k.": np.sqrt(
                 np.mean(np.sum((source[: len(i)] @ R.T + t - target[: len(i)]) ** 2, axis=1))
@@ -129,6 +138,8 @@ def plane_step(answer: Any, rng: np.random.Generator) -> None:
     full[0::2, 0] = full[1::2, 1] = 1
     full[0::2, 2], full[1::2, 2] = -p[:, 1], p[:, 0]
     signs = J * [1, 1, -1]
+    arms = p - p.mean(axis=0)
+    centred = np.column_stack([normals, arms[:, 0] * normals[:, 1] - arms[:, 1] * normals[:, 0]])
     got = call(answer, p, q, normals)
     close(
         got,
@@ -140,6 +151,12 @@ def plane_step(answer: Any, rng: np.random.Generator) -> None:
             )[0],
             "That is point-to-point: the offset along the wall has entered, and it means nothing.": solve(
                 full, (q - p).ravel(), rcond=None
+            )[0],
+            "The distance to the partner is not the distance to its wall: only what lies along the normal counts.": (
+                solve(J, np.linalg.norm(q - p, axis=1), rcond=None)[0]
+            ),
+            "You have moved the points to their centre first; here φ turns them about the origin.": solve(
+                centred, residual, rcond=None
             )[0],
             "You have left out the turn: the shift alone cannot explain the residuals.": np.append(
                 solve(normals, residual, rcond=None)[0], 0.0

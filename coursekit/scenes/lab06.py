@@ -69,7 +69,7 @@ class Iterations:
         ax.add_collection(self.pairs)
         ax.set(xlim=(-4.6, 6.4), ylim=(-5, 5), xlabel="x [m]", ylabel="y [m]", aspect="equal")
         self.title = ax.set_title(" ", loc="left")
-        curve.set(xlim=(-0.5, 30.5), ylim=(0.008, 4), yscale="log", xlabel="iteration")
+        curve.set(xlim=(-0.5, 30.5), ylim=(0.003, 90), yscale="log", xlabel="iteration")
         curve.set_title("distance [m]", loc="right")
         (self.rmse,) = curve.plot([], [], color=PAIR, label="to the nearest, RMSE")
         (self.truth,) = curve.plot([], [], color=plotting.TRUTH, label="to its own place")

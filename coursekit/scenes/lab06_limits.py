@@ -40,7 +40,7 @@ class Outliers:
         (self.kept,) = ax.plot([], [], ".", color=SOURCE, ms=4, label="source, in pairs")
         self.pairs = LineCollection([], colors=PAIR, linewidths=0.9, zorder=1.5)
         ax.add_collection(self.pairs)
-        ax.set(xlim=(-5, 7.6), ylim=(-4.4, 4.4), xlabel="x [m]", ylabel="y [m]", aspect="equal")
+        ax.set(xlim=(-5, 7.6), ylim=(-5.2, 4.2), xlabel="x [m]", ylabel="y [m]", aspect="equal")
         ax.legend(loc="upper right", fontsize=8.5, markerscale=1.6)
         self.title = ax.set_title(" ", loc="left")
         self.moving: list[Artist] = [self.seen, self.out, self.kept, self.pairs, self.title]
@@ -95,12 +95,13 @@ class Corridor:
         (self.seen,) = ax.plot([], [], ".", color=TARGET, ms=4)
         (self.cloud,) = ax.plot([], [], ".", color=SOURCE, ms=3)
         self.title = ax.set_title(" ", loc="left")
-        belief.set(xlim=(-0.45, 1.15), ylim=(-7, 7), xlabel="moved along the corridor [m]", ylabel="across [mm]")
+        belief.set(xlim=(-0.45, 1.6), ylim=(-11, 11), yticks=[-10, 0, 10])  # the right is for the legend
+        belief.set(xlabel="moved along the corridor [m]", ylabel="across [mm]")
         (self.truth,) = belief.plot([], [], "*", color=plotting.TRUTH, ms=13, label="truth")
-        (self.found,) = belief.plot([], [], "o", color=SOURCE, ms=6, label="ICP")
+        (self.found,) = belief.plot([], [], "o", color=SOURCE, ms=3.5, label="ICP")
         (self.honest,) = belief.plot([], [], color=SOURCE, label="95 %, surfaces")
         (self.proud,) = belief.plot([], [], color=plotting.MEASUREMENT, label="95 %, pairs taken for granted")
-        belief.legend(loc="upper right", fontsize=8.5, ncols=2)
+        belief.legend(loc="lower right", fontsize=8.5)
         self.verdict = belief.set_title(" ", loc="left")
         self.moving: list[Artist] = [
             self.seen, self.cloud, self.title, self.truth, self.found, self.honest, self.proud, self.verdict,

@@ -133,6 +133,10 @@ ANSWERS = {
                 lambda s, t, reach: np.where(table(s, t).min(axis=1) > reach, table(s, t).argmin(axis=1), -1),
                 "which side of the reach",
             ),
+            "scipy's mark": (
+                lambda s, t, reach: cKDTree(t).query(s, distance_upper_bound=reach)[1],
+                "scipy marks",
+            ),
             "dropped": (pair_up_dropping, "shifts the rest"),
         },
     ),
@@ -147,6 +151,10 @@ ANSWERS = {
             "strongest axis": (
                 lambda p, q: decomposed(p, q)[0] @ np.diag([-1, 1, 1]) @ decomposed(p, q)[1],
                 "the strongest axis",
+            ),
+            "column of R": (
+                lambda p, q: decomposed(p, q)[0] @ decomposed(p, q)[1] @ np.diag([1, 1, decomposed(p, q)[2]]),
+                "a column of R itself",
             ),
             "V for its transpose": (
                 lambda p, q: decomposed(p, q)[0] @ np.diag([1, 1, -1]) @ decomposed(p, q)[1].T,
@@ -166,6 +174,7 @@ ANSWERS = {
             "per coordinate": (lambda *a: np.sqrt(np.mean(moved(*a) ** 2)), "averages over coordinates"),
             "sum": (lambda *a: np.sqrt(np.sum(moved(*a) ** 2)), "an M is missing"),
             "backwards": (lambda R, t, s, q, m: rmse(R.T, t, s, q, m), "rotate backwards"),
+            "shift first": (lambda R, t, s, q, m: rmse(R, R @ t, s, q, m), "the shift is turned along"),
             "not moved": (lambda R, t, s, q, m: rmse(np.eye(2), 0 * t, s, q, m), "not been moved"),
             "row by row": (
                 lambda R, t, s, q, m: rmse(R, t, s, q, np.stack([np.arange(len(m))] * 2, axis=1)),
@@ -184,6 +193,14 @@ ANSWERS = {
                 "wrong way round",
             ),
             "point to point": (point_step, "That is point-to-point"),
+            "length for the normal's part": (
+                lambda p, q, n: np.linalg.lstsq(rows(p, n), np.linalg.norm(q - p, axis=1), rcond=None)[0],
+                "not the distance to its wall",
+            ),
+            "centred": (
+                lambda p, q, n: np.linalg.lstsq(rows(p - p.mean(axis=0), n), along(n, q, p), rcond=None)[0],
+                "to their centre first",
+            ),
             "no turn": (
                 lambda p, q, n: np.append(np.linalg.lstsq(n, along(n, q, p), rcond=None)[0], 0),
                 "left out the turn",
