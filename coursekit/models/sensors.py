@@ -74,7 +74,8 @@ class RangeBearing:
     @staticmethod
     def residual(z: ArrayLike, z_hat: ArrayLike) -> Array:
         """z - z_hat with the bearing's difference in (-π, π], (..., 2)."""
-        (r, bearing), (r_hat, bearing_hat) = entries(z, 2, "z [range, bearing]"), entries(z_hat, 2, "z_hat")
+        r, bearing = entries(z, 2, "z [range, bearing]")
+        r_hat, bearing_hat = entries(z_hat, 2, "z_hat")
         return vector(r - r_hat, wrap_angle(bearing - bearing_hat))
 
     @staticmethod
