@@ -47,11 +47,13 @@ serve: book  ## Build the book and show it on http://localhost:8000
 	$(BIN)/python -m http.server --bind 127.0.0.1 --directory book/_build/html $(PORT)
 
 lint: setup  ## Check style and types
+	$(BIN)/python tools/clean_notebooks.py --check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
 
 format: setup  ## Put style right where that can be done by a program
+	$(BIN)/python tools/clean_notebooks.py
 	$(BIN)/ruff check --fix .
 	$(BIN)/ruff format .
 
