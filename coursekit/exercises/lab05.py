@@ -115,6 +115,8 @@ def nonzero(answer: Any, rng: np.random.Generator) -> None:
                 mask(*robot, (1, 2), *pair(2 * j)),
             "Each landmark before it takes two places, not one.": mask(*robot, (1, 2), *pair(3 + j)),
             "Landmarks are counted from zero here: that is the one after it.": mask(*robot, (1, 2), *pair(a + 2)),
+            "Landmark 0 stands right behind the pose: yours is the one before the one that was asked for.":
+                mask(*robot, (1, 2), *pair(a - 2)),
             "All of P changes with this measurement, but that is K's doing: h asks for one landmark only.":
                 np.ones((2, 3 + 2 * n)),
             "Seen from the robot: move *it*, and the measurement changes too.": mask(*pair(a)),
@@ -148,7 +150,7 @@ def associate(answer: Any, rng: np.random.Generator) -> None:
         (2.6, 0.5, 1.9, 6.0),
         lambda nu, d2: {
             "Inverted: what is near is known. The report's rule is written this way round.": -1,
-            "That one is nearest in metres; ask how many standard deviations away it is.":
+            "That one is nearest in metres; ask how many standard deviations away it is, with the *inverse* of S.":
                 int(np.argmin(np.linalg.norm(nu, axis=1))),
             "That is the first one in the gate; several may be, and one fits best.": 0,
             "That is the landmark that fits *worst*.": int(np.argmax(d2)),

@@ -71,7 +71,8 @@ class Rules:
         self.map = _Map(axes[0])
         self.title, self.words = axes[0].set_title(" "), axes[1].set_title(" ")
         self.counts = axes[1].imshow(np.zeros((8, 12)), cmap="Blues", vmin=0, vmax=2, aspect="auto", animated=True)
-        axes[1].set(xticks=range(12), yticks=range(8), yticklabels=[tag.id for tag in ARENA.tags],
+        axes[1].set(xticks=range(12), xticklabels=range(1, 13),
+                    yticks=range(8), yticklabels=[tag.id for tag in ARENA.tags],
                     xlabel="landmark of the map", ylabel="tag that was seen")  # fmt: skip
         axes[1].grid(visible=False)
         self.moving: list[Artist] = [*self.map.moving, self.title, self.words, self.counts]
@@ -85,9 +86,12 @@ class Rules:
         self.title.set_text(f"{size} landmark{'s' * (size != 1)}, {found} of 8 tags found, {_length(error)} off")
         counts = association_matrix(track)
         self.counts.set_data(np.log10(1 + counts[:, :12]))
-        mixed = int(np.sum(np.count_nonzero(counts, axis=0) > 1))
-        self.words.set_text(f"{mixed} landmark{'s' * (mixed != 1)} stand for several tags" if mixed else
-                            "each landmark stands for one tag")  # fmt: skip
+        mixed, doubled = (int(np.sum(np.count_nonzero(counts, axis=axis) > 1)) for axis in (0, 1))
+        self.words.set_text(
+            f"{mixed} landmark{' stands' if mixed == 1 else 's stand'} for several tags" if mixed
+            else f"{doubled} tag{' has' if doubled == 1 else 's have'} several landmarks" if doubled
+            else "each landmark stands for one tag"
+        )  # fmt: skip
 
 
 class OverTime:
@@ -96,7 +100,7 @@ class OverTime:
     TIMES = tuple(range(2, 52, 2))
 
     def __init__(self) -> None:
-        self.figure = plotting.figure(7.8, 4.2)
+        self.figure = plotting.figure(7.8, 3.6)
         axes: Any = plotting.axes(self.figure, 1, 2, width_ratios=[1.35, 1])
         self.map = _Map(axes[0])
         self.title, self.words = axes[0].set_title(" "), axes[1].set_title(" ")
@@ -116,7 +120,8 @@ class OverTime:
         self.title.set_text(f"{landmarks} landmark{'s' * (landmarks != 1)}; the robot is {_length(error)} off")
         self.image.set_data(_log_size(track.covs[k]))
         largest = float(np.diag(track.covs[k])[3:].max(initial=0.0))
-        self.words.set_text(f"largest variance {largest:.2g} m²" if landmarks else "no landmark yet")
+        size = f"{largest:.0f} m²" if largest >= 1 else f"({1000 * np.sqrt(largest):.1f} mm)²"
+        self.words.set_text(f"largest variance {size}" if landmarks else "no landmark yet")
 
 
 def association_matrix(track: Track) -> Array:
@@ -186,7 +191,14 @@ def closure_figure(track: Track) -> Figure:
                 label="the landmark found last" if last else "the other landmarks" if j == 0 else None)  # fmt: skip
     robot = [sigma(k, 0) for k in range(len(track.means))]
     ax.plot(track.time, robot, color=plotting.TRUTH, lw=1, alpha=0.7, label="the robot")
+    lately = [sigma(k, 3 + 2 * j) for k in known]
+    closed = next(i for i in range(1, len(known)) if lately[i] < 0.5 * lately[i - 1])
+    at = 0.5 * (track.time[known[closed - 1]] + track.time[known[closed]])
+    ax.axvline(at, color=plotting.TRUTH, lw=1, ls=":")
+    ax.annotate("loop closure", (at, 100), xytext=(5, 0), textcoords="offset points", va="top", fontsize=9)
     ax.set(yscale="log", xlabel="time [s]", ylabel="σ in the worst direction [mm]", xlim=(0, track.time[-1]))
+    ax.set(ylim=(0.3, 110), yticks=[0.5, 1, 2, 5, 10, 20, 50, 100])
+    ax.minorticks_off()
     ax.yaxis.set_major_formatter("{x:g}")
     ax.legend(loc="lower right")
     return fig
@@ -206,7 +218,7 @@ def sweep_figure(
             left.plot(thresholds, values.mean(axis=1), "o-", color=colour, lw=1.2, ms=4, label=name)
         right.plot(range(len(gates[path])), gates[path].mean(axis=1), "o", color=plotting.ESTIMATE, ms=6)
         for ax in (left, right):
-            ax.axhline(8, color=plotting.BAND, lw=1.2)
+            ax.axhline(8, color=plotting.BAND, lw=1.2, label="as many as tags", zorder=1)
         left.set(title=path, xlabel="threshold [m]", yscale="log", ylim=(2, 90), yticks=[2, 4, 8, 16, 32, 64])
         left.set_xticks(thresholds, [f"{t:g}" for t in thresholds], fontsize=8.5)
         left.yaxis.set_major_formatter("{x:g}")

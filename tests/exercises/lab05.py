@@ -213,6 +213,7 @@ ANSWERS = {
             "no room for the pose": (marked(first=lambda j: 2 * j), "behind its three numbers"),
             "one place each": (marked(first=lambda j: 3 + j), "two places, not one"),
             "the next one": (marked(first=lambda j: 5 + 2 * j), "counted from zero"),
+            "the one before": (marked(first=lambda j: 1 + 2 * j), "right behind the pose"),
             "everything": (lambda j, n: np.ones((2, 3 + 2 * n)), "K's doing"),
             "landmark only": (marked(pose=(), heading=()), "move *it*"),
         },
