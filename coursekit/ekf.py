@@ -20,8 +20,8 @@ Source: Thrun, Burgard & Fox (2005), table 3.3; Bar-Shalom, Li & Kirubarajan (20
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from functools import lru_cache
-from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -34,7 +34,8 @@ from coursekit.geometry import Array
 from coursekit.models import MotionModel, SensorModel
 
 
-class Correction(NamedTuple):
+@dataclass(frozen=True)
+class Correction:
     """What a measurement did.
 
     belief : the belief after it.
