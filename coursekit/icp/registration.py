@@ -114,12 +114,14 @@ def align(
         settled, reason = descend(pairing, T, subset, history, max_iterations, tolerance, accelerate)
         T = history[-1].T_target_source
     end, covariance = history[-1], None
-    if len(end.matches) >= source.shape[1]:
-        covariance, free = uncertainty(T, source, target, end.matches, metric=metric, tree=pairing.search.tree)
-        if settled and free:
-            settled, reason = False, "settled, but the clouds do not hold the answer: it " + ", ".join(free)
     if settled and any(2 * step.tied > len(step.matches) for step in history):
         settled, reason = False, "settled, but most points once stood halfway between two: the clouds are too symmetric"
+    if len(end.matches) >= source.shape[1]:
+        covariance, free = uncertainty(
+            T, source, target, end.matches, metric=metric, normals=plane_normals, tree=pairing.search.tree
+        )
+        if settled and free:
+            settled, reason = False, "settled, but the clouds do not hold the answer: it " + ", ".join(free)
     iterations = len(history) - len(sizes)
     return Registration(T, end.rmse, iterations, settled, end.matches, tuple(history), reason, covariance)
 

@@ -28,6 +28,7 @@ from coursekit.icp.acceleration import spread_out
 from coursekit.icp.fit import move, turning, turning_matrix
 from coursekit.icp.surface import NEIGHBOURS, pieces
 
+THIN = 1e-3  # a small cloud lies on a line or a plane when its variance across is below this share of its largest
 SAMPLE = 200  # so many pairs tell the shape of the information; the rest only scale it
 
 
@@ -38,6 +39,7 @@ def uncertainty(
     matches: np.ndarray,
     *,
     metric: str = "point_to_point",
+    normals: Array | None = None,
     tree: cKDTree | None = None,
 ) -> tuple[Array, list[str]]:
     """Covariance of T_target_source, and in words the motions that the pairs leave free.
@@ -68,10 +70,13 @@ def uncertainty(
         tangents = [axes[:, :, a] for a in range(1, d)]
         doubt = np.sum([_information(arms, np.sqrt(v)[:, None] * t, size) for v, t in zip(tilts, tangents)], axis=0)
         push = np.sum([_information(arms, t, size) * _spread((q - p)[flat], t) for t in tangents], axis=0)
-    else:  # scattered points: each is a landmark, and speaks in every direction
-        ways = [np.tile(axis, (len(q), 1)) for axis in np.eye(d)]
+    else:  # too few points for a surface, or too scattered
+        if metric == "point_to_plane":  # nothing but the normals was listened to
+            ways = [piece.normals if normals is None else normals[j]]
+        else:
+            ways = [np.tile(axis, (len(q), 1)) for axis in _directions(target, q - p)]
         info, count = np.sum([_information(q - centre, way, size) for way in ways], axis=0), float(len(matches))
-        variance = float(np.mean((q - p) ** 2))
+        variance = float(np.mean([_spread(q - p, way) for way in ways]))
         doubt = push = np.zeros_like(info)
     doubt = 3 * doubt + 1e-4 * np.eye(len(info))
     strength, modes = eigh(info, doubt)  # information in units of doubt
@@ -92,6 +97,19 @@ def uncertainty(
     change = np.diag([1.0] * d + [1 / size] * (len(cov) - d))
     change[:d, d:] = turning_matrix(centre - T[:-1, -1]) / size
     return symmetrize(change @ cov @ change.T), [_describe(mode, d) for mode in modes.T[~held]]
+
+
+def _directions(target: Array, offsets: Array) -> Array:
+    """In which directions, (k, d), scattered points speak: each is a landmark, and speaks in all of them.
+
+    Unless they lie on one line or plane, and the pairs are no closer than the points: then who belongs to whom is
+    anybody's guess, and only the directions across are left.
+    """
+    spread, axes = np.linalg.eigh(np.atleast_2d(np.cov(target.T)))
+    thin = spread <= THIN * spread[-1]
+    gap = np.median(cKDTree(target).query(target, k=2)[0][:, 1])
+    own = np.sqrt(np.mean(np.sum(offsets**2, axis=1))) <= gap / 4
+    return np.eye(target.shape[1]) if own or not thin.any() else axes.T[thin]
 
 
 def _spread(offsets: Array, directions: Array) -> float:

@@ -213,6 +213,8 @@ SQUARE = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
 CUBE = np.array([[x, y, z] for x in (-1.0, 1) for y in (-1, 1) for z in (-1, 1)])
 GRID = np.stack(np.meshgrid(np.arange(8.0), np.arange(8.0)), axis=-1).reshape(-1, 2)
 CORRIDOR = corridor(400, RNG)
+FEW, ANEW = (np.column_stack([RNG.uniform(-3, 3, 12), RNG.normal(0, 0.005, 12)]) for _ in range(2))
+LEAF, LEAF_ANEW = (np.column_stack([RNG.uniform(-2, 2, (20, 2)), np.zeros(20)]) for _ in range(2))
 
 
 @pytest.mark.parametrize("accelerate", [False, True], ids=["plain", "fast"])
@@ -223,6 +225,8 @@ CORRIDOR = corridor(400, RNG)
         pytest.param(FLAT + 100, FLAT, {"max_distance": 0.5}, "no target point within max_distance", id="out of reach"),
         pytest.param(icp.move(back(TURN), LINE[:, :2]), LINE[:, :2], {}, "slides along", id="collinear 2-D"),
         pytest.param(icp.move(back(TURN3), LINE), LINE, {}, "lie on a line|turns about", id="collinear 3-D"),
+        pytest.param(FEW, ANEW + np.array([0.3, 0.0]), {}, "slides along|stopped", id="few on a line, sampled anew"),
+        pytest.param(LEAF, LEAF_ANEW + np.array([0.1, 0, 0]), {}, "slides|stopped", id="few on a plane, sampled anew"),
         pytest.param(icp.move(back(TURN3), SHEET), SHEET, {}, "slides along.*turns about|turns.*slides", id="coplanar"),
         pytest.param(icp.move(back(TURN), CIRCLE), CIRCLE, {}, "turns", id="circle"),
         pytest.param(icp.move(back(TURN3), SPHERE), SPHERE, {}, "turns about|stopped after", id="sphere"),
@@ -248,6 +252,13 @@ def test_clouds_that_cannot_hold_an_answer_give_one_that_says_so(source, target,
         assert np.all(np.isfinite(step.T_target_source)) and not np.isnan(step.rmse)
     if result.covariance is not None:
         np.linalg.cholesky(result.covariance)
+
+
+def test_a_few_landmarks_on_a_line_hold_the_answer_by_points_and_not_by_planes():
+    """Twelve landmarks seen twice: their pairs are beyond doubt; along the line no normal says anything."""
+    source = icp.move(back(TURN), LINE[::9, :2])
+    assert icp.align(source, LINE[::9, :2]).converged
+    assert not icp.align(source, LINE[::9, :2], metric="point_to_plane").converged
 
 
 def test_a_mirrored_cloud_is_never_met_by_a_mirror():
