@@ -55,13 +55,24 @@ def best_rotation(answer: Any, rng: np.random.Generator) -> None:
     p = rng.normal(size=(15, 3)) * [1.0, 0.7, 0.02]
     R_true = so3_exp(rng.normal(size=3))
     q = p @ R_true.T
-    q += rng.normal(0, 0.02, q.shape)
+    q += rng.normal(0, 0.01, q.shape)
     q -= 2 * (q @ R_true[:, 2:]) * R_true[:, 2]  # turned inside out: the best orthogonal matrix is a mirror
-    p, q = p - p.mean(axis=0), q - q.mean(axis=0)
-    U, _, Vt = np.linalg.svd(q.T @ p)
+    p, q = p + rng.uniform(1, 2, 3), q + rng.uniform(2, 3, 3)
+    w = rng.uniform(0.1, 3.0, 15)
+
+    def cross_covariance(weights: np.ndarray, for_means: np.ndarray) -> np.ndarray:
+        p_mean, q_mean = for_means @ p / for_means.sum(), for_means @ q / for_means.sum()
+        return (weights[:, None] * (q - q_mean)).T @ (p - p_mean)
+
+    def best(H: np.ndarray) -> np.ndarray:
+        U, _, Vt = np.linalg.svd(H)
+        return np.asarray(U @ np.diag([1.0, 1.0, np.linalg.det(U @ Vt)]) @ Vt)
+
+    same, H = np.ones(15), cross_covariance(w, w)
+    U, _, Vt = np.linalg.svd(H)
     flip = np.diag([1.0, 1.0, np.linalg.det(U @ Vt)])
     expected = U @ flip @ Vt
-    got = call(answer, p, q)
+    got = call(answer, p, q, w)
     close(
         got,
         expected,
@@ -74,15 +85,20 @@ def best_rotation(answer: Any, rng: np.random.Generator) -> None:
                 U @ Vt @ flip
             ),
             "numpy's svd returns Vᵀ, not V: do not transpose it again.": U @ flip @ Vt.T,
-            "That is the cross-covariance itself; its singular vectors make the rotation.": q.T @ p,
+            "That is the cross-covariance itself; its singular vectors make the rotation.": H,
+            "The clouds still stand where they came: take each one's centre away first.": best((w[:, None] * q).T @ p),
+            "Every pair counts the same there: the weights have been left out.": best(cross_covariance(same, same)),
+            "The centres are weighted means, too: with plain ones the shift leaks into the rotation.": best(
+                cross_covariance(w, same)
+            ),
+            "The weights count twice there: once in H is enough.": best(cross_covariance(w**2, w)),
         },
-        otherwise="Build H = Σ q pᵀ, take its singular value decomposition, and look at the determinant.",
+        otherwise="Build H = Σ w q pᵀ from the weighted centres; take its SVD; look at the determinant.",
     )
     clean = so3_exp(rng.normal(size=3))
     solid = rng.normal(size=(15, 3))
-    solid -= solid.mean(axis=0)
     expect(
-        np.allclose(call(answer, solid, solid @ clean.T), clean, atol=1e-8),
+        np.allclose(call(answer, solid, solid @ clean.T + rng.normal(size=3), w), clean, atol=1e-8),
         "Mirrored pairs come out right, but honest ones no longer do: flip only when the determinant is negative.",
     )
 
@@ -122,52 +138,61 @@ def rmse(answer: Any, rng: np.random.Generator) -> None:
     )
 
 
-@exercise("lab06.plane_step")
-def plane_step(answer: Any, rng: np.random.Generator) -> None:
-    p = rng.uniform(-3, 3, (30, 2))
-    turn = rng.uniform(0, 2 * np.pi, 30)
-    normals = np.stack([np.cos(turn), np.sin(turn)], axis=1)
-    step = rng.uniform([0.1, 0.1, 0.02], [0.3, 0.3, 0.08])
-    q = p @ rotation(step[2]).T + step[:2] + rng.normal(0, 0.01, p.shape)
-    q = q + np.stack([-normals[:, 1], normals[:, 0]], axis=1) * rng.normal(0, 0.5, (30, 1))  # along the walls: anywhere
+@exercise("lab06.plane_step_3d")
+def plane_step_3d(answer: Any, rng: np.random.Generator) -> None:
+    n = 40
+    p = rng.uniform(-3, 3, (n, 3)) + rng.uniform(0.5, 1.5, 3)
+    normals = rng.normal(size=(n, 3))
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    shift, turn = rng.uniform(0.1, 0.3, 3), rng.uniform(0.02, 0.08, 3)
+    q = p @ so3_exp(turn).T + shift + rng.normal(0, 0.01, p.shape)
+    aside = rng.normal(0, 0.5, (n, 3))
+    q = q + aside - normals * np.sum(normals * aside, axis=1)[:, None]  # along the walls: anywhere
     residual = np.sum(normals * (q - p), axis=1)
-    J = np.column_stack([normals, p[:, 0] * normals[:, 1] - p[:, 1] * normals[:, 0]])
-    solve = np.linalg.lstsq
-    expected = solve(J, residual, rcond=None)[0]
-    full = np.zeros((60, 3))
-    full[0::2, 0] = full[1::2, 1] = 1
-    full[0::2, 2], full[1::2, 2] = -p[:, 1], p[:, 0]
-    signs = J * [1, 1, -1]
-    arms = p - p.mean(axis=0)
-    centred = np.column_stack([normals, arms[:, 0] * normals[:, 1] - arms[:, 1] * normals[:, 0]])
-    got = call(answer, p, q, normals)
+
+    def solve(arms: np.ndarray, lengths: np.ndarray = residual) -> np.ndarray:
+        return np.asarray(np.linalg.lstsq(np.hstack([normals, np.cross(arms, normals)]), lengths, rcond=None)[0])
+
+    expected = solve(p)
+    full = np.zeros((n, 3, 6))
+    full[:, :, :3] = np.eye(3)
+    full[:, :, 3:] = np.cross(np.eye(3), p[:, None]).transpose(0, 2, 1)  # column k: e_k × p
+    points = np.linalg.lstsq(full.reshape(-1, 6), (q - p).ravel(), rcond=None)[0]
     close(
-        got,
+        call(answer, p, q, normals),
         expected,
         misconceptions={
             "The robot walks away from the wall: the residual is where you want to go minus where you are.": -expected,
-            "The turn goes the wrong way round: φ moves the point (x, y) along (-y, x).": solve(
-                signs, residual, rcond=None
-            )[0],
-            "That is point-to-point: the offset along the wall has entered, and it means nothing.": solve(
-                full, (q - p).ravel(), rcond=None
-            )[0],
+            "The turn goes the wrong way round: (φ × p)·n is φ·(p × n), and a cross product has an order.": solve(-p),
+            "That is point-to-point: the offset along the wall has entered, and it means nothing.": points,
             "The distance to the partner is not the distance to its wall: only what lies along the normal counts.": (
-                solve(J, np.linalg.norm(q - p, axis=1), rcond=None)[0]
+                solve(p, np.linalg.norm(q - p, axis=1))
             ),
             "You have moved the points to their centre first; here φ turns them about the origin.": solve(
-                centred, residual, rcond=None
-            )[0],
-            "You have left out the turn: the shift alone cannot explain the residuals.": np.append(
-                solve(normals, residual, rcond=None)[0], 0.0
+                p - p.mean(axis=0)
             ),
-            "That is the gradient, JᵀR; it still has to be divided by JᵀJ.": J.T @ residual,
-            "The arm of the turn is the point that moves, p; not its partner.": solve(
-                np.column_stack([normals, q[:, 0] * normals[:, 1] - q[:, 1] * normals[:, 0]]), residual, rcond=None
-            )[0],
+            "You have left out the turn: the shift alone cannot explain the residuals.": np.append(
+                np.linalg.lstsq(normals, residual, rcond=None)[0], np.zeros(3)
+            ),
+            "That is the gradient, JᵀR; it still has to be divided by JᵀJ.": np.hstack(
+                [normals, np.cross(p, normals)]
+            ).T
+            @ residual,
+            "The arm of the turn is the point that moves, p; not its partner.": solve(q),
+            "The shift comes first, then the turn: (x, y, z, φ_x, φ_y, φ_z).": np.roll(expected, 3),
+            "That is the turn about z alone, as in the plane; in space a wall may ask for any axis.": _about_z(
+                p, normals, residual
+            ),
         },
-        otherwise="One row per pair: (n_x, n_y, p_x n_y - p_y n_x) times (x, y, φ) should be n·(q - p).",
+        otherwise="One row per pair. Write n·(φ × p) as something times φ: a triple product may be turned round.",
     )
+
+
+def _about_z(p: np.ndarray, normals: np.ndarray, residual: np.ndarray) -> np.ndarray:
+    """Shift, and the lab's planar turn."""
+    J = np.column_stack([normals, p[:, 0] * normals[:, 1] - p[:, 1] * normals[:, 0]])
+    x, y, z, turn = np.linalg.lstsq(J, residual, rcond=None)[0]
+    return np.array([x, y, z, 0.0, 0.0, turn])
 
 
 @exercise("lab06.wall_covariance")

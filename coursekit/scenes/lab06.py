@@ -110,6 +110,7 @@ class Basin:
     """Where a start leads: the final error over the start's turn and shift, and the result for one start."""
 
     TURNS: ClassVar = list(range(-180, 181, 20))
+    SHOWN: ClassVar = [-160, -100, -60, -20, 20, 60, 100, 160]
     SHIFTS: ClassVar = [-2.0, -1.5, -1.0, -0.5, 0.0, 0.5, 1.0, 1.5, 2.0]
 
     def __init__(self) -> None:

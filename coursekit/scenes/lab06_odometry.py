@@ -19,7 +19,7 @@ from coursekit.world.pilot import drive
 from coursekit.world.robot import World
 
 LAP = np.array([[2.2, -1.0], [2.2, 0.9], [-2.2, 1.3], [-2.2, -0.6], [0.0, 0.0]])
-COLOURS = (plotting.MEASUREMENT, plotting.ESTIMATE, plotting.BAND, plotting.PREDICTION)
+COLOURS = (plotting.ODOMETRY, plotting.MEASUREMENT, plotting.ESTIMATE, plotting.BAND)
 
 
 class Lap(NamedTuple):
@@ -63,12 +63,13 @@ def tracks(lap: Lap, named: Mapping[str, Array]) -> Figure:
     ax.plot(*lap.truth[:, :2].T, color=plotting.TRUTH, lw=3, alpha=0.35, label="truth")
     way = np.r_[0.0, np.cumsum(np.hypot(*np.diff(lap.truth[:, :2], axis=0).T))]
     for (name, poses), colour in zip(named.items(), COLOURS, strict=False):
-        ax.plot(*poses[:, :2].T, color=colour, lw=1.4, label=name)
-        error.plot(way, np.maximum(np.hypot(*(poses - lap.truth)[:, :2].T), 1e-4), color=colour, lw=1.4, label=name)
-    error.set(yscale="log", ylim=(3e-4, 3), xlabel="driven [m]")
+        style = {"color": colour, "lw": 1.4, "ls": "--" if colour == plotting.ODOMETRY else "-", "label": name}
+        ax.plot(*poses[:, :2].T, **style)
+        error.plot(way, np.maximum(np.hypot(*(poses - lap.truth)[:, :2].T), 1e-4), **style)
+    error.set(yscale="log", ylim=(3e-4, 6), xlabel="driven [m]")
     error.set_title("distance from the truth [m]", loc="left")
     error.legend(fontsize=8.5, loc="upper left")
-    ax.set_title("One lap, as the lidar tells it", loc="left")
+    ax.set_title("One lap, as wheels and lidar tell it", loc="left")
     return fig
 
 

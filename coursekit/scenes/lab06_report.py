@@ -50,10 +50,11 @@ def before_and_after(pair: Clouds, T: Array) -> Figure:
         (0, 2, moved, "and from the side"),
     ]
     for ax, (i, j, cloud, title) in zip(plotting.axes(fig, 1, 3), panels, strict=True):
-        ax.plot(pair.target[::3, i], pair.target[::3, j], ".", color=plotting.ODOMETRY, ms=2)
-        ax.plot(cloud[::3, i], cloud[::3, j], ".", color=plotting.ESTIMATE, ms=2)
+        ax.plot(pair.target[::3, i], pair.target[::3, j], ".", color=plotting.ODOMETRY, ms=2, label="Y, target")
+        ax.plot(cloud[::3, i], cloud[::3, j], ".", color=plotting.ESTIMATE, ms=2, label="X, source")
         ax.set(xlabel="xyz"[i] + " [m]", ylabel="xyz"[j] + " [m]", aspect="equal")
         ax.set_title(title, loc="left")
+    fig.axes[0].legend(loc="lower left", fontsize=8.5, markerscale=4, handletextpad=0.1)
     return fig
 
 

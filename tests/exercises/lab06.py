@@ -39,22 +39,31 @@ def pair_up_squared(source, target, reach):
     return np.where(d.min(axis=1) <= reach, d.argmin(axis=1), -1)
 
 
-def decomposed(p, q):
-    U, _, Vt = np.linalg.svd(q.T @ p)
+def centred(points, w):
+    return points - w @ points / np.sum(w)
+
+
+def rotated(H):
+    U, _, Vt = np.linalg.svd(H)
+    return U @ np.diag([1, 1, np.sign(np.linalg.det(U @ Vt))]) @ Vt
+
+
+def decomposed(p, q, w):
+    U, _, Vt = np.linalg.svd(centred(q, w).T @ np.diag(w) @ centred(p, w))
     return U, Vt, np.sign(np.linalg.det(U @ Vt))
 
 
-def best_rotation(p, q):
-    U, Vt, sign = decomposed(p, q)
+def best_rotation(p, q, w):
+    U, Vt, sign = decomposed(p, q, w)
     return U @ np.diag([1, 1, sign]) @ Vt
 
 
-def best_rotation_by_scipy(p, q):
-    return Rotation.align_vectors(q, p)[0].as_matrix()
+def best_rotation_by_scipy(p, q, w):
+    return Rotation.align_vectors(centred(q, w), centred(p, w), weights=w)[0].as_matrix()
 
 
-def always_flipped(p, q):
-    U, Vt, _ = decomposed(p, q)
+def always_flipped(p, q, w):
+    U, Vt, _ = decomposed(p, q, w)
     return U @ np.diag([1, 1, -1]) @ Vt
 
 
@@ -78,23 +87,32 @@ def along(normals, q, p):
     return np.sum(normals * (q - p), axis=1)
 
 
-def plane_step(p, q, normals):
-    return np.linalg.lstsq(rows(p, normals), along(normals, q, p), rcond=None)[0]
+def solve_3d(arms, normals, lengths):
+    return np.linalg.lstsq(np.hstack([normals, np.cross(arms, normals)]), lengths, rcond=None)[0]
 
 
-def plane_step_by_normal_equations(p, q, normals):
-    H, g = np.zeros((3, 3)), np.zeros(3)
+def plane_step_3d(p, q, normals):
+    return solve_3d(p, normals, along(normals, q, p))
+
+
+def plane_step_3d_by_normal_equations(p, q, normals):
+    H, g = np.zeros((6, 6)), np.zeros(6)
     for a, b, n in zip(p, q, normals, strict=True):
-        J = np.array([*n, n @ [-a[1], a[0]]])
+        J = np.r_[n, [n @ np.cross(axis, a) for axis in np.eye(3)]]
         H, g = H + np.outer(J, J), g + J * (n @ (b - a))
     return np.linalg.solve(H, g)
 
 
-def point_step(p, q, normals):
-    J = np.zeros((2 * len(p), 3))
-    J[0::2, 0] = J[1::2, 1] = 1
-    J[0::2, 2], J[1::2, 2] = -p[:, 1], p[:, 0]
-    return np.linalg.lstsq(J, (q - p).ravel(), rcond=None)[0]
+def point_step_3d(p, q, normals):
+    rows = [np.r_[axis, [axis @ np.cross(e, a) for e in np.eye(3)]] for a in p for axis in np.eye(3)]
+    return np.linalg.lstsq(np.array(rows), (q - p).ravel(), rcond=None)[0]
+
+
+def turned_about_z(p, q, normals):
+    x, y, z, turn = np.linalg.lstsq(
+        np.column_stack([normals, p[:, 0] * normals[:, 1] - p[:, 1] * normals[:, 0]]), along(normals, q, p), rcond=None
+    )[0]
+    return [x, y, z, 0, 0, turn]
 
 
 def wall_covariance(normals, arms, sigma):
@@ -145,22 +163,35 @@ ANSWERS = {
         reference=best_rotation,
         second=best_rotation_by_scipy,
         wrong={
-            "mirror": (lambda p, q: decomposed(p, q)[0] @ decomposed(p, q)[1], "that is a mirror"),
-            "inverse": (lambda p, q: best_rotation(p, q).T, "the other way round"),
-            "whole sign": (lambda p, q: -(decomposed(p, q)[0] @ decomposed(p, q)[1]), "all three axes"),
+            "mirror": (lambda *a: decomposed(*a)[0] @ decomposed(*a)[1], "that is a mirror"),
+            "inverse": (lambda *a: best_rotation(*a).T, "the other way round"),
+            "whole sign": (lambda *a: -(decomposed(*a)[0] @ decomposed(*a)[1]), "all three axes"),
             "strongest axis": (
-                lambda p, q: decomposed(p, q)[0] @ np.diag([-1, 1, 1]) @ decomposed(p, q)[1],
+                lambda *a: decomposed(*a)[0] @ np.diag([-1, 1, 1]) @ decomposed(*a)[1],
                 "the strongest axis",
             ),
             "column of R": (
-                lambda p, q: decomposed(p, q)[0] @ decomposed(p, q)[1] @ np.diag([1, 1, decomposed(p, q)[2]]),
+                lambda *a: decomposed(*a)[0] @ decomposed(*a)[1] @ np.diag([1, 1, decomposed(*a)[2]]),
                 "a column of R itself",
             ),
             "V for its transpose": (
-                lambda p, q: decomposed(p, q)[0] @ np.diag([1, 1, -1]) @ decomposed(p, q)[1].T,
+                lambda *a: decomposed(*a)[0] @ np.diag([1, 1, -1]) @ decomposed(*a)[1].T,
                 "numpy's svd returns",
             ),
-            "cross-covariance": (lambda p, q: q.T @ p, "cross-covariance itself"),
+            "cross-covariance": (
+                lambda p, q, w: centred(q, w).T @ np.diag(w) @ centred(p, w),
+                "cross-covariance itself",
+            ),
+            "where they came": (lambda p, q, w: rotated(q.T @ np.diag(w) @ p), "still stand where they came"),
+            "no weights": (lambda p, q, w: best_rotation(p, q, np.ones(len(w))), "have been left out"),
+            "plain means": (
+                lambda p, q, w: rotated((q - q.mean(axis=0)).T @ np.diag(w) @ (p - p.mean(axis=0))),
+                "weighted means, too",
+            ),
+            "weights twice": (
+                lambda p, q, w: rotated(centred(q, w).T @ np.diag(w**2) @ centred(p, w)),
+                "count twice",
+            ),
             "always flipped": (always_flipped, "honest ones no longer do"),
         },
     ),
@@ -182,34 +213,30 @@ ANSWERS = {
             ),
         },
     ),
-    "lab06.plane_step": Answers(
+    "lab06.plane_step_3d": Answers(
         stub=stub,
-        reference=plane_step,
-        second=plane_step_by_normal_equations,
+        reference=plane_step_3d,
+        second=plane_step_3d_by_normal_equations,
         wrong={
-            "sign": (lambda p, q, n: -plane_step(p, q, n), "walks away from the wall"),
-            "turn's sign": (
-                lambda p, q, n: np.linalg.lstsq(rows(p, n) * [1, 1, -1], along(n, q, p), rcond=None)[0],
-                "wrong way round",
-            ),
-            "point to point": (point_step, "That is point-to-point"),
+            "sign": (lambda p, q, n: -plane_step_3d(p, q, n), "walks away from the wall"),
+            "turn's order": (lambda p, q, n: solve_3d(-p, n, along(n, q, p)), "wrong way round"),
+            "point to point": (point_step_3d, "That is point-to-point"),
             "length for the normal's part": (
-                lambda p, q, n: np.linalg.lstsq(rows(p, n), np.linalg.norm(q - p, axis=1), rcond=None)[0],
+                lambda p, q, n: solve_3d(p, n, np.linalg.norm(q - p, axis=1)),
                 "not the distance to its wall",
             ),
-            "centred": (
-                lambda p, q, n: np.linalg.lstsq(rows(p - p.mean(axis=0), n), along(n, q, p), rcond=None)[0],
-                "to their centre first",
-            ),
+            "centred": (lambda p, q, n: solve_3d(p - p.mean(axis=0), n, along(n, q, p)), "to their centre first"),
             "no turn": (
-                lambda p, q, n: np.append(np.linalg.lstsq(n, along(n, q, p), rcond=None)[0], 0),
+                lambda p, q, n: np.append(np.linalg.lstsq(n, along(n, q, p), rcond=None)[0], [0, 0, 0]),
                 "left out the turn",
             ),
-            "gradient": (lambda p, q, n: rows(p, n).T @ along(n, q, p), "That is the gradient"),
-            "arm of the partner": (
-                lambda p, q, n: np.linalg.lstsq(rows(q, n), along(n, q, p), rcond=None)[0],
-                "not its partner",
+            "gradient": (
+                lambda p, q, n: np.hstack([n, np.cross(p, n)]).T @ along(n, q, p),
+                "That is the gradient",
             ),
+            "arm of the partner": (lambda p, q, n: solve_3d(q, n, along(n, q, p)), "not its partner"),
+            "turn first": (lambda p, q, n: np.roll(plane_step_3d(p, q, n), 3), "The shift comes first"),
+            "as in the plane": (turned_about_z, "the turn about z alone"),
         },
     ),
     "lab06.wall_covariance": Answers(
