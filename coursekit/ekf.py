@@ -97,7 +97,7 @@ def correct(belief: Gaussian, sensor: SensorModel, z: ArrayLike, R: ArrayLike | 
     """
     x, P = belief.mean, belief.cov
     H, z_hat = sensor.H(x), sensor.h(x)
-    R = _noise(sensor.R if R is None else R, len(H))
+    R = _noise(R, sensor, len(H))
     innovation = sensor.residual(z, z_hat)
     if innovation.shape != (len(R),):
         raise ValueError(f"z: expected shape {R.shape[:1]}, got {np.shape(z)}")
@@ -158,10 +158,16 @@ def gate_threshold(probability: float, dof: int) -> float:
     return float(chi2.ppf(probability, dof))
 
 
-def _noise(R: ArrayLike, size: int) -> Array:
+def _noise(R: ArrayLike | None, sensor: SensorModel, size: int) -> Array:
     """R, checked; the sensors of ``models`` checked theirs when they were made, and keep it read-only."""
-    if type(R) is np.ndarray and R.shape == (size, size) and not R.flags.writeable:
-        return R
+    own = R is None
+    R = sensor.R if R is None else R
+    if type(R) is np.ndarray and R.shape == (size, size) and R.dtype == float:
+        if own and not R.flags.writeable:
+            return R
+        # Exactly symmetric, finite and with a Cholesky factor: nothing is left to say or to mend.
+        if R.tobytes() == R.T.tobytes() and math.isfinite(R.sum()) and not dpotrf(R)[1]:
+            return R
     return check_covariance(R, "R", size=size)
 
 

@@ -348,6 +348,7 @@ class _Odd:
         (lambda: ekf.correct(BELIEF, RangeOnly([3.0, 1.0], position=(0, 1)), [1.0, 2.0]), r"z: expected shape \(1,\)"),
         (lambda: ekf.correct(BELIEF, Position(), [np.inf, 0.0]), "z: expected finite numbers, got .*inf"),
         (lambda: ekf.correct(BELIEF, SENSOR, [1.0, 0.1], -np.eye(2)), "R: expected a positive definite"),
+        (lambda: ekf.correct(BELIEF, SENSOR, [1.0, 0.1], np.broadcast_to(-1.0, (2, 2))), "R: expected a positive"),
         (lambda: ekf.correct(BELIEF, SENSOR, [1.0, 0.1], np.zeros((2, 2))), "R: expected a positive definite"),
         (lambda: ekf.correct(BELIEF, SENSOR, [1.0, 0.1], [[1.0, 0.9], [0.1, 1.0]]), "R: expected a symmetric"),
         (lambda: ekf.correct(BELIEF, SENSOR, [1.0, 0.1], np.full((2, 2), np.nan)), "R: expected finite"),
