@@ -93,6 +93,18 @@ def pose_from_homography(answer: Any, rng: np.random.Generator) -> None:
         },
         otherwise="Send the middle of the picture through H, then look at where H sends the direction (1, 0).",
     )
+    close(
+        call(answer, -H, (h, w)),
+        [x, y, yaw],
+        misconceptions={
+            "The factor may be negative, and takes the sign of sine and cosine with it: divide all of H by it.": [
+                x,
+                y,
+                yaw - np.pi,
+            ],
+        },
+        otherwise="H and -H are the same homography, and give the same pose.",
+    )
 
 
 @exercise("lab08.effective_share")
@@ -215,7 +227,7 @@ def best_estimate(answer: Any, rng: np.random.Generator) -> None:
     expect(not at(weights @ states[:, :2], 30.0), "That is the mean of the whole cloud: the robot is surely not there.")
     expect(not at(states[:, :2].mean(axis=0), 30.0), "Your mean takes no notice of the weights.")
     expect(not at(np.median(states[:, :2], axis=0), 60.0) and not at(light, 60.0), "You went where the most particles "
-           "are; go where the most weight is.")  # fmt: skip
+           "are; go where the most weight is (a fixed grid may have cut that crowd in two).")  # fmt: skip
     expect(at(heavy, 40.0), "Group the particles by place, sum the weight of each group, and stay with the heaviest.")
     expect(at(heavy, 3.0), "The right group, but one particle of it: its mean would wander less.")
     expect(abs(float(wrap_angle(got[2] - np.pi))) < 0.15, "The place is right. The headings lie on both sides of ±π, "

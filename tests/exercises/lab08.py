@@ -32,7 +32,9 @@ def through(H, u, v):
     return np.array([x / w, y / w])
 
 
-def from_homography(centre=lambda h, w: ((w - 1) / 2, (h - 1) / 2), yaw=lambda H: np.arctan2(H[1, 0], H[0, 0])):
+def from_homography(
+    centre=lambda h, w: ((w - 1) / 2, (h - 1) / 2), yaw=lambda H: np.arctan2(H[1, 0] / H[2, 2], H[0, 0] / H[2, 2])
+):
     def pose(H, shape):
         return np.array([*through(H, *centre(*shape)), yaw(H)])
 
@@ -129,6 +131,10 @@ ANSWERS = {
             "rows first": (from_homography(lambda h, w: ((h - 1) / 2, (w - 1) / 2)), "one of them has to be turned"),
             "anticlockwise": (from_homography(yaw=lambda H: np.arctan2(-H[1, 0], H[0, 0])), "clockwise already"),
             "arguments of arctan2": (from_homography(yaw=lambda H: np.arctan2(H[0, 0], H[1, 0])), "is the cosine?"),
+            "sign of the factor": (
+                from_homography(yaw=lambda H: np.arctan2(H[1, 0], H[0, 0])),
+                "factor may be negative",
+            ),
             "arc cosine": (
                 from_homography(yaw=lambda H: np.arccos(np.clip(H[0, 0] / H[2, 2], -1, 1))),
                 "needs the scale taken out",
