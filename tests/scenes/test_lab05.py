@@ -3,7 +3,11 @@
 import numpy as np
 import pytest
 
+from coursekit.association import Known, Mahalanobis
+from coursekit.gaussian import chi2_band
 from coursekit.scenes import lab05
+from coursekit.scenes import lab05_blame as blame
+from coursekit.slam import EkfSlam, FirstEstimateSlam
 
 
 def test_the_shortcut_sees_the_tags_that_the_rendered_camera_sees():
@@ -38,3 +42,31 @@ def test_a_map_error_counts_tags_and_measures_metres():
     found, error = lab05.map_error(lab05.TAGS + np.array([0.03, 0.04]))
     assert (found, round(error, 6)) == (8, 0.05)
     assert lab05.map_error(lab05.TAGS[:6])[0] == 6
+
+
+def test_what_is_drawn_from_the_model_and_fitted_at_once_is_as_good_as_it_says():
+    """NEES of four maps that no linearisation spoils: the average of χ²₁₆/16, in its band of 99.9 %."""
+    runs = [
+        blame.redrawn(lab05.drive(seed, "square", 1, "turned round"), np.random.default_rng(seed)) for seed in (0, 3)
+    ]
+    runs += [blame.redrawn(lab05.drive(seed, "octagon", 1), np.random.default_rng(seed)) for seed in (1, 2)]
+    charts = [blame.all_at_once(run, blame.fresh(FirstEstimateSlam, Known(), run))[1] for run in runs]
+    low, high = (edge / 16 for edge in chi2_band(16, len(charts), confidence=0.999))
+    assert low < np.mean(charts) < high
+
+
+def test_a_tenth_of_the_noise_moves_the_truth_and_the_looks_by_about_a_tenth():
+    run = lab05.drive(1, "octagon", 1)
+    far, near = (blame.redrawn(run, np.random.default_rng(4), scale) for scale in (1.0, 0.1))
+    quiet = blame.redrawn(run, np.random.default_rng(4), 1e-9)
+    off = [np.abs(one.truth - quiet.truth)[:12].max() for one in (far, near)]
+    assert 5 < off[0] / off[1] < 20
+    first = next(k for k, look in enumerate(near.looks) if look and len(look.ids))
+    np.testing.assert_allclose(near.looks[first].R, 0.01 * far.looks[first].R, rtol=0.2)
+
+
+def test_a_verdict_is_that_of_follow():
+    run = lab05.drive(0, "octagon", 1)
+    pose, _ = blame.verdict(run, blame.fresh(EkfSlam, Mahalanobis(0.99), run), told=False)
+    track = lab05.follow(run, EkfSlam(run.start, lab05.MOTION, Mahalanobis(0.99)))
+    assert pose == pytest.approx(np.mean(track.nees))
