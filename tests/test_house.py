@@ -21,7 +21,7 @@ STORY = {
     ("visual", "particles"),
     ("landmarks", "pinhole"),
 }
-SHOW = {"explore", "plotting", "exercises", "scenes", "failures", "_live"}
+SHOW = {"explore", "plotting", "exercises", "scenes", "failures"}
 
 
 def imports(path):
@@ -52,7 +52,7 @@ def test_no_floor_knows_the_floors_above_it(path):
     if here == "world":
         # The camera's intrinsics are a description, not an estimator.
         assert not known & (LABS - {"pinhole"}) and not known & SHOW
-    if here in {"explore", "_live", "plotting"}:
+    if here in {"explore", "plotting"}:
         assert not known & LABS
 
 
@@ -60,8 +60,6 @@ def test_the_package_has_no_circles():
     graph = {room(p): set() for p in MODULES}
     for path in MODULES:
         graph[room(path)] |= set(imports(path)) & set(graph) - {room(path)}
-    # A widget is built from the explorer that asks for it, inside the function that asks.
-    graph["explore"].discard("_live")
     while leaves := {name for name, needs in graph.items() if not needs & set(graph)}:
         for name in leaves:
             del graph[name]

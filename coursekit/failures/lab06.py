@@ -157,9 +157,8 @@ Exhibit(
 )
 
 
-def pairs_as_measurements(source: Array, target: Array) -> Array:
-    """(JᵀJ)⁻¹ σ² over every coordinate of every pair, as least squares reports it."""
-    result = icp.align(source, target)
+def frozen_pairs(result: icp.Registration, source: Array, target: Array) -> Array:
+    """The covariance of [x, y, θ] that least squares would claim if the pairs were measurements: (JᵀJ)⁻¹ σ²."""
     i, j = result.matches.T
     moved = icp.move(result.T_target_source, source[i])
     arm = moved - result.T_target_source[:2, 2]
@@ -169,6 +168,11 @@ def pairs_as_measurements(source: Array, target: Array) -> Array:
     rows = J.reshape(-1, 3)
     variance = np.sum((target[j] - moved) ** 2) / (len(rows) - 3)
     return np.asarray(np.linalg.solve(rows.T @ rows, np.eye(3)) * variance)
+
+
+def pairs_as_measurements(source: Array, target: Array) -> Array:
+    """Every coordinate of every pair taken for a measurement."""
+    return frozen_pairs(icp.align(source, target), source, target)
 
 
 def surfaces_as_measurements(source: Array, target: Array) -> Array:

@@ -10,6 +10,7 @@ from matplotlib.artist import Artist
 from matplotlib.collections import LineCollection
 
 from coursekit import geometry, icp, plotting
+from coursekit.failures.lab06 import frozen_pairs
 from coursekit.gaussian import ellipse
 from coursekit.geometry import Array
 from coursekit.scenes.lab06 import METRICS, PAIR, SOURCE, TARGET, displacement, started, two_scans
@@ -137,16 +138,3 @@ class Corridor:
             f"Two scans in a corridor whose end wall is {wall} m ahead: the robot went {moved} m, ICP by {metric} says "
             f"{result.pose[0]:.2f} m with a standard deviation of {np.sqrt(result.covariance[0, 0]):.2f} m along it"
         )
-
-
-def frozen_pairs(result: icp.Registration, source: Array, target: Array) -> Array:
-    """The covariance of [x, y, θ] that least squares would claim if the pairs were measurements: (JᵀJ)⁻¹ σ²."""
-    i, j = result.matches.T
-    moved = icp.move(result.T_target_source, source[i])
-    arm = moved - result.T_target_source[:2, 2]
-    J = np.zeros((len(i), 2, 3))
-    J[:, 0, 0] = J[:, 1, 1] = 1.0
-    J[:, 0, 2], J[:, 1, 2] = -arm[:, 1], arm[:, 0]
-    rows = J.reshape(-1, 3)
-    variance = np.sum((target[j] - moved) ** 2) / (len(rows) - 3)
-    return np.asarray(np.linalg.solve(rows.T @ rows, np.eye(3)) * variance)

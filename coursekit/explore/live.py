@@ -1,23 +1,25 @@
-"""The live half of ``explore``: ipywidgets around one picture."""
+"""The live half of an explorer: ipywidgets around one picture."""
 
 from __future__ import annotations
 
 import html
+from collections.abc import Mapping
 from typing import Any
 
 import ipywidgets as w
 
-from coursekit.explore import LIVE_DPI, Explorer, Slider, png
+from coursekit.explore.painting import LIVE_DPI, Picture, Words, png
+from coursekit.explore.sliders import Slider, start
 
 
-def live_widget(explorer: Explorer) -> w.VBox:
+def live_widget(sliders: Mapping[str, Slider], picture: Picture, alt: Words) -> w.VBox:
     """Controls above a picture of fixed height that follows them.
 
     Each event is handled to its end, and while one is being handled the browser keeps only the newest position of
     a slider: the picture never runs after a queue of stale ones.  An error is shown under the picture, which stays.
     """
-    controls = {name: _control(name, slider) for name, slider in explorer.parameters.items()}
-    first = explorer.picture(explorer.start, LIVE_DPI)
+    controls = {name: _control(name, slider) for name, slider in sliders.items()}
+    first = picture(start(sliders), LIVE_DPI)
     image = w.Image(value=png(first), format="png", width=first.shape[1], height=first.shape[0])
     # max-width lets the picture shrink with a narrow window; its height then follows.
     image.layout = w.Layout(max_width="100%", object_fit="contain")
@@ -26,8 +28,8 @@ def live_widget(explorer: Explorer) -> w.VBox:
     def redraw(_: Any = None) -> None:
         values = {name: control.value for name, control in controls.items()}
         try:
-            image.value = png(explorer.picture(values, LIVE_DPI))
-            words.value = f'<p aria-live="polite" style="{_HIDDEN}">{html.escape(explorer.alt(values))}</p>'
+            image.value = png(picture(values, LIVE_DPI))
+            words.value = f'<p aria-live="polite" style="{_HIDDEN}">{html.escape(alt(values))}</p>'
             error.value = ""
         except Exception as problem:  # shown where the reader looks; a widget's callback would bury it in a log
             error.value = (
@@ -37,7 +39,7 @@ def live_widget(explorer: Explorer) -> w.VBox:
     for control in controls.values():
         control.observe(redraw, names="value")
     redraw()
-    rows = [_with_play(c, s) for c, s in zip(controls.values(), explorer.parameters.values(), strict=True)]
+    rows = [_with_play(c, s) for c, s in zip(controls.values(), sliders.values(), strict=True)]
     box = w.VBox([w.Box(rows, layout=w.Layout(flex_flow="row wrap")), image, error, words])
     box.controls, box.image, box.error = controls, image, error
     return box
