@@ -17,6 +17,9 @@ from PIL import Image
 from coursekit.explore.sliders import Values
 
 LIVE_DPI, STATIC_DPI, SWEEP_DPI = 100, 144, 40
+# Each row as its difference from the one above, then runs of the same: half the time of trying every filter.
+QUICK = [cv2.IMWRITE_PNG_COMPRESSION, 1, cv2.IMWRITE_PNG_FILTER, cv2.IMWRITE_PNG_FILTER_UP,
+         cv2.IMWRITE_PNG_STRATEGY, cv2.IMWRITE_PNG_STRATEGY_RLE]  # fmt: skip
 Picture = Callable[[Values, int], np.ndarray]
 """A frame (height, width, 3), uint8 RGB, from values and dots an inch."""
 Words = Callable[[Values], str]
@@ -97,6 +100,6 @@ def webp(picture: np.ndarray, lossless: bool) -> str:
 
 def png(picture: np.ndarray) -> bytes:
     """A frame as a PNG that is quick to make: a live picture travels a short way and is soon replaced."""
-    ok, encoded = cv2.imencode(".png", picture[..., ::-1], [cv2.IMWRITE_PNG_COMPRESSION, 1])
+    ok, encoded = cv2.imencode(".png", picture[..., ::-1], QUICK)
     assert ok, "a uint8 RGB array always encodes"
     return bytes(encoded)
