@@ -25,7 +25,7 @@ def controls() -> np.ndarray:
     return np.stack([np.full(STEPS, 0.32), 0.13 * np.sin(2 * np.pi * t / 27.0 + 1.4)], axis=-1)
 
 
-def drive(seed: int = 5) -> tuple[np.ndarray, list[np.ndarray], list[Gaussian]]:
+def drive(seed: int = 11) -> tuple[np.ndarray, list[np.ndarray], list[Gaussian]]:
     """The true path (STEPS + 1, 3); each EVERY steps, the cloud of the wheels (500, 3) and the corrected belief."""
     rng = np.random.default_rng(seed)
     wheels = DifferentialDrive(sigma_v=0.08, sigma_omega=0.055)
