@@ -174,6 +174,8 @@ class JointCompatibility:
 
     def __post_init__(self) -> None:
         _check_gates(self.gate, self.novelty)
+        if self.most_nodes < 1:
+            raise ValueError(f"most_nodes: expected at least 1, got {self.most_nodes}")
 
     def __call__(self, sightings: Sightings) -> Indices:
         squared = sightings.squared_distances

@@ -121,10 +121,11 @@ class EkfSlam:
         that is no covariance, and what the rule raises.
         """
         z, R = _check(z, R)
+        ids = None if ids is None else list(ids)
         if ids is not None and len(ids) != len(z):
             raise ValueError(f"ids: expected one for each of {len(z)} measurements, got {len(ids)}")
         sightings = self._sightings(z, R, ids)
-        chosen = self.associate(sightings) if len(z) else np.zeros(0, dtype=np.intp)
+        chosen = np.array(self.associate(sightings) if len(z) else [], dtype=np.intp)
         self._correct(sightings, chosen)
         if new := [i for i, j in enumerate(chosen.tolist()) if j == NEW]:
             chosen[new] = range(len(self._index), len(self._index) + len(new))
@@ -151,8 +152,8 @@ class EkfSlam:
         """The Kalman update with what is matched: P Hᵀ by columns, and one downdate P - W Wᵀ."""
         matched = [(i, j) for i, j in enumerate(chosen.tolist()) if j >= 0]
         k = len(matched)
-        self.nis, self.dof = 0.0, 2 * k
         if not k:
+            self.nis, self.dof = 0.0, 0
             return
         pose, points = sightings.linearised_at
         PHT, S, innovation = np.empty((len(self._x), 2 * k), order="F"), np.empty((2 * k, 2 * k)), np.empty(2 * k)
@@ -174,7 +175,7 @@ class EkfSlam:
         self._x += W.dot(w)
         self._x[2] = wrap_angle(float(self._x[2]))
         self._P = dsyrk(-1.0, W, beta=1.0, c=self._P, overwrite_c=1, lower=1)
-        self.nis = nis
+        self.nis, self.dof = nis, 2 * k
 
     def _augment(self, z: Array, R: Array) -> None:
         """New landmarks, through the inverse measurement: each as unsure as the robot *and* its measurement are."""
@@ -309,9 +310,10 @@ def _check(z: ArrayLike, R: ArrayLike) -> tuple[Array, Array]:
     if z.ndim != 2 or z.shape[1] != 2:
         raise ValueError(f"z: expected ranges and bearings of shape (m, 2), got {z.shape}")
     numbers = z.ravel().tolist()
-    if not math.isfinite(sum(numbers)) or min(numbers[::2], default=1.0) <= 0:
+    if not math.isfinite(sum(number * number for number in numbers)) or min(numbers[::2], default=1.0) <= 0:
         raise ValueError(f"z: expected finite bearings and ranges > 0, got {z}")
     R = np.asarray(R, dtype=float)
+    R = R.reshape(0, 2, 2) if R.size == len(z) == 0 else R
     if R.shape not in ((2, 2), (len(z), 2, 2)):
         raise ValueError(f"R: expected shape (2, 2) or ({len(z)}, 2, 2), got {R.shape}")
     each = R.reshape(-1, 2, 2)

@@ -230,6 +230,7 @@ def test_a_crowd_of_a_thousand_is_answered_in_time():
         (lambda: Mahalanobis(9.21), "gate"),
         (lambda: Mahalanobis(0.99, novelty=0.9), "gate ≤ novelty"),
         (lambda: JointCompatibility(0.0), "gate"),
+        (lambda: JointCompatibility(most_nodes=0), "most_nodes: expected at least 1"),
     ],
 )
 def test_a_rule_that_cannot_be_is_refused(make, message):

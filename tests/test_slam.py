@@ -5,7 +5,7 @@ from functools import cache
 import numpy as np
 import pytest
 
-from coursekit.association import Euclidean, JointCompatibility, Known, Mahalanobis
+from coursekit.association import NEW, Euclidean, JointCompatibility, Known, Mahalanobis
 from coursekit.gaussian import Gaussian, chi2_band
 from coursekit.geometry import wrap_angle
 from coursekit.models import CreepingWheels, DifferentialDrive, RangeBearing, pose_residual
@@ -337,6 +337,7 @@ def small_map():
         (lambda s: s.observe([[np.nan, 0.1]], R), "z: expected finite"),
         (lambda s: s.observe([[-1.0, 0.1]], R), "ranges > 0"),
         (lambda s: s.observe([[0.0, 0.1]], R), "ranges > 0"),
+        (lambda s: s.observe([[1e160, 0.1]], R), "z: expected finite"),
         (lambda s: s.observe([1.0, 0.1], R), r"z: expected .* shape \(m, 2\)"),
         (lambda s: s.observe([[1.0, 0.1]], -R), "R: expected a positive definite"),
         (lambda s: s.observe([[1.0, 0.1]], np.zeros((2, 2))), "R: expected a positive definite"),
@@ -365,6 +366,39 @@ def test_a_rule_that_fails_leaves_the_filter_as_it_was():
         slam.observe([[2.0, 0.3], [2.1, 0.3]], R, [7, 7])
     with pytest.raises(ValueError, match="ids: Known"):
         slam.observe([[2.0, 0.3]], R)
+    np.testing.assert_array_equal(slam.mean, mean)
+
+
+@pytest.mark.parametrize("answer", [[0, 99], [0, 1, 2]])
+def test_a_rule_whose_answer_cannot_be_leaves_the_filter_as_it_was(answer):
+    slam = small_map()
+    mean, cov, nis, dof = slam.mean, slam.cov, slam.nis, slam.dof
+    slam.associate = lambda sightings: np.array(answer)
+    with pytest.raises((ValueError, IndexError)):
+        slam.observe([[2.0, 0.3], [1.5, -0.8]], R)
+    np.testing.assert_array_equal(slam.mean, mean)
+    np.testing.assert_array_equal(slam.cov, cov)
+    assert (slam.nis, slam.dof) == (nis, dof) and dof > 0
+
+
+def test_a_rule_keeps_the_answer_that_it_gave():
+    slam, answer = small_map(), np.array([NEW, 0])
+    answer.flags.writeable = False
+    slam.associate = lambda sightings: answer
+    assert slam.observe([[3.0, 0.9], [2.0, 0.3]], R).tolist() == [-1, 0]
+
+
+def test_ids_come_in_anything_that_can_be_run_through():
+    slam = EkfSlam(START, DifferentialDrive(), Known())
+    assert slam.observe([[2.0, 0.3], [1.5, -0.8]], R, ids=dict.fromkeys("ab").keys()).tolist() == [0, 1]
+    assert slam.observe([[1.5, -0.8]], R, ids=np.array(["b"])).tolist() == [1]
+
+
+@pytest.mark.parametrize("nothing", [[], np.zeros((0, 2, 2))])
+def test_nothing_seen_has_no_noise_either(nothing):
+    slam = small_map()
+    mean = slam.mean
+    assert slam.observe([], nothing).shape == (0,)
     np.testing.assert_array_equal(slam.mean, mean)
 
 
