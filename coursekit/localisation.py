@@ -202,10 +202,15 @@ def localise(
     gate : beyond this share of honest measurements they are trusted less and less, but never turned away: see
         ``ekf.correct_robustly``.  Misreadings come in bursts, and beliefs can be wrong; only patience tells which.
 
-    Raises ValueError for a start that is no pose, and when nothing was recorded after it.
+    Raises ValueError for a start that is no pose, for a measurement of a landmark whose place is not known, and when
+    nothing was recorded after the start.
     """
     if start.mean.shape != (3,):
         raise ValueError(f"start: expected a belief over [x, y, θ], got one over {start.mean.size} numbers")
+    if not len(run.odometry) or not len(run.groundtruth):
+        raise ValueError(f"run: expected odometry and truth, got {len(run.odometry)} and {len(run.groundtruth)} rows")
+    if unknown := set(run.measurements[:, 1].tolist()) - set(run.landmarks):
+        raise ValueError(f"run: expected measurements of its landmarks {sorted(run.landmarks)}, got {sorted(unknown)}")
     motion = motion or CalibratingDrive()
     sensors = {k: CalibratingRangeBearing(p) if R is None else CalibratingRangeBearing(p, np.asarray(R))
                for k, p in run.landmarks.items()}  # fmt: skip
@@ -240,7 +245,8 @@ def events(run: Mrclam) -> Iterator[tuple[float, Array, float, list[tuple[int, A
     changed = np.ones(len(odometry), dtype=bool)
     changed[1:] = np.any(np.diff(odometry[:, 1:], axis=0) != 0, axis=1)
     stamps = np.unique(np.concatenate([odometry[changed, 0], odometry[-1:, 0], measurements[:, 0]]))
-    now, control, k, m = begin, run.odometry[0, 1:], 0, 0
+    held = np.searchsorted(run.odometry[:, 0], begin, side="right") - 1  # truth may start after odometry
+    now, control, k, m = begin, run.odometry[held, 1:], 0, 0
     for stamp in stamps.tolist():
         for part in range(pieces := max(1, math.ceil((stamp - now) / LONGEST_STEP - 1e-9))):
             until = now + (stamp - now) / (pieces - part)

@@ -88,6 +88,13 @@ def test_nothing_before_the_start_of_the_truth_is_used():
     assert start_of(late).mean == pytest.approx(late.groundtruth[0, 1:])
 
 
+def test_the_control_that_holds_when_the_truth_starts_is_the_last_one_stamped():
+    odometry = np.array([[0.0, 0.0, 0.0], [10.0, 0.5, 0.0], [20.0, 0.2, 0.0], [40.0, 0.0, 0.0]])
+    groundtruth = np.array([[15.0, 0, 0, 0], [50.0, 0, 0, 0]])
+    happened = events(Mrclam(odometry, np.zeros((0, 4)), LANDMARKS, groundtruth, {}))
+    assert sum(control[0] * dt for _, control, dt, _ in happened) == pytest.approx(0.5 * 5 + 0.2 * 20)
+
+
 def test_truth_is_interpolated_on_the_short_way_round():
     run = replace(synthetic(4, seconds=1), groundtruth=np.array([[0.0, 0, 0, 3.1], [1.0, 2.0, 0, -3.1]]))
     x, y, theta = truth_at(run, 0.5)
@@ -107,6 +114,8 @@ def test_samples_of_the_drive_spread_as_Q_says():
     [
         (lambda run: localise(run, Gaussian(np.zeros(2), np.eye(2))), "start: expected a belief over"),
         (lambda run: localise(run, start_of(run), R=-np.eye(2)), "R: expected a positive definite"),
+        (lambda run: localise(replace(run, measurements=run.measurements * [1, 10, 1, 1]), start_of(run)), r"got \[60"),
+        (lambda run: localise(replace(run, odometry=np.zeros((0, 3))), start_of(run)), "run: expected odometry"),
         (lambda run: localise(run, start_of(run), gate=1.5), "gate: expected a probability"),
         (lambda run: CalibratingDrive().f(np.ones(7), [0.1, 0.1], 0.0), "dt: expected"),
         (lambda run: CalibratingRangeBearing([1.0, np.nan]), "landmark"),
