@@ -161,9 +161,19 @@ def test_a_step_that_is_no_time_is_refused(motion, method, dt):
         (lambda: DifferentialDrive().f([0.0, 0.0, np.nan], np.zeros(2), 0.1), "state: expected finite"),
         (lambda: DifferentialDrive().Q(np.zeros(3), [np.inf, 0.0], 0.1), "control .* expected finite"),
         (lambda: DifferentialDrive().f(np.full((5, 3), np.nan), np.zeros(2), 0.1), "state: expected finite"),
+        (lambda: DifferentialDrive().sample(np.zeros((5, 3)), [0.1], 0.1, np.random.default_rng(0)), "control"),
+        (lambda: DifferentialDrive().sample(np.zeros((5, 3)), 0.1, 0.1, np.random.default_rng(0)), "control"),
         (lambda: ConstantVelocity().f(np.zeros(3), None, 0.1), "state: expected shape"),
     ],
 )
 def test_bad_input_raises_and_says_what_was_wrong(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize("motion", [DifferentialDrive(), CreepingWheels(), ConstantVelocity()])
+def test_a_step_in_single_precision_leaves_the_state_in_double(motion):
+    x = np.array([1000.25, -2000.5, 3000.75, 1.0])[: 4 if isinstance(motion, ConstantVelocity) else 3]
+    dt, u = np.float32(0.1), np.array([0.5, 0.3])
+    for method in (motion.f, motion.F, motion.Q):
+        np.testing.assert_array_equal(method(x, u, dt), method(x, u, float(dt)))

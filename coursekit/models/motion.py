@@ -54,7 +54,8 @@ class DifferentialDrive:
         v/ω is 0/0 on a straight line.
         """
         x, y, theta, v, omega = _pose_and_control(x, u)
-        half = 0.5 * omega * _step(dt)
+        dt = _step(dt)
+        half = 0.5 * omega * dt
         chord, direction = v * dt * _sinc(half), theta + half
         sine, cosine = sine_cosine(direction)
         return vector(x + chord * cosine, y + chord * sine, wrap_angle(theta + omega * dt))
@@ -62,7 +63,8 @@ class DifferentialDrive:
     def F(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """∂f/∂x, (3, 3)."""
         _, _, theta, v, omega = _pose_and_control(x, u, one=True)
-        half = 0.5 * omega * _step(dt)
+        dt = _step(dt)
+        half = 0.5 * omega * dt
         chord, direction = v * dt * _sinc(half), theta + half
         F = _I3.copy()
         F[0, 2], F[1, 2] = -chord * math.sin(direction), chord * math.cos(direction)
@@ -71,7 +73,8 @@ class DifferentialDrive:
     def G(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """∂f/∂u, (3, 2): how an error of [v, ω] that lasts for the step moves the pose."""
         _, _, theta, v, omega = _pose_and_control(x, u, one=True)
-        half = 0.5 * omega * _step(dt)
+        dt = _step(dt)
+        half = 0.5 * omega * dt
         c, s = math.cos(theta + half), math.sin(theta + half)
         # The chord's change with v; and, through half = ω dt/2, its turning and its shortening with ω.
         sinc, bend = _sinc(half), 0.5 * v * dt * dt
@@ -94,6 +97,7 @@ class DifferentialDrive:
     def sample(self, states: ArrayLike, u: ArrayLike, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 3) → (n, 3)."""
         states = np.asarray(states, dtype=float)
+        entries(u, 2, "control [v, ω]")  # one number would broadcast
         noise = (self.root_M(u, dt) @ two_normals(rng, states.shape[:-1])).T
         moved = self.f(states, np.asarray(u, dtype=float) + noise, dt)
         if any(self.sigma_slip):
@@ -213,4 +217,4 @@ def _sinc_slope(t: float) -> float:
 def _step(dt: float) -> float:
     if not 0 < dt < math.inf:
         raise ValueError(f"dt: expected a time step > 0 s, got {dt}")
-    return dt
+    return float(dt)  # single precision would spread to the state
