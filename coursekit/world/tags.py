@@ -94,7 +94,8 @@ def detect(image: Image) -> list[Detection]:
     OpenCV's detector decodes the tags; its corners, good to half a pixel, are then moved to where straight lines
     fitted to the four sides meet.  Tags too near the picture's border or too oblique for that are left out.
     """
-    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8:
+    image = np.asarray(image)
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
         raise ValueError(f"image: expected (h, w, 3) uint8, got {image.shape} {image.dtype}")
     corners, ids, _ = _detector().detectMarkers(image)
     if ids is None:
@@ -112,8 +113,15 @@ def measure(seen: Detection, camera: Camera, size: float, camera_offset: float =
 
     size : of the black square, metres.     camera_offset : how far the camera stands ahead of the robot's centre, m.
 
-    Rejects pixels that no upright square explains: a corner was taken for what it is not.
+    Rejects pixels that no upright square explains: a corner was taken for what it is not, or the tag lies on its side.
+    Raises ValueError for a size or an offset that cannot be.
     """
+    if not (0 < size < np.inf and np.isfinite(camera_offset)):
+        raise ValueError(f"expected size > 0 and a finite camera_offset in metres, got {size} and {camera_offset}")
+    wide = (seen.corners[[1, 2]] - seen.corners[[0, 3]])[:, 0].mean()
+    high = (seen.corners[[3, 2]] - seen.corners[[0, 1]])[:, 1].mean()
+    if min(wide, high) < 0.5 * CELLS:
+        return Rejected(f"no upright square looks like this: {wide:.1f} pixels wide, {high:.1f} high")
     whiten = np.asarray(np.linalg.cholesky(corner_cov(seen.corners)))
     left, right = seen.corners[[0, 3]].mean(axis=0), seen.corners[[1, 2]].mean(axis=0)
     heights = np.linalg.norm(seen.corners[[3, 2]] - seen.corners[[0, 1]], axis=1)

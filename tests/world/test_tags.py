@@ -129,7 +129,24 @@ def test_a_corner_taken_for_what_it_is_not_is_rejected_with_its_reason():
     assert isinstance(verdict, Rejected) and "no upright square" in verdict.reason
 
 
-@pytest.mark.parametrize("picture", [np.zeros((9, 9)), np.zeros((9, 9, 3)), np.zeros((9, 9, 4), np.uint8)])
+def test_a_tag_on_its_side_is_rejected_instead_of_put_far_away():
+    corners = COURSE_CAMERA.project(tag_corners([1.5, 0.1, 0.05, 3.0], 0.16))
+    for turned in (1, 2, 3):
+        verdict = measure(Detection(1, np.roll(corners, turned, axis=0)), COURSE_CAMERA, 0.16)
+        assert isinstance(verdict, Rejected) and "no upright square" in verdict.reason
+
+
+@pytest.mark.parametrize(("size", "offset"), [(0.0, 0.0), (-0.16, 0.0), (np.nan, 0.0), (0.16, np.nan), (0.16, np.inf)])
+def test_a_size_or_an_offset_that_cannot_be_is_refused(size, offset):
+    corners = COURSE_CAMERA.project(tag_corners([1.5, 0.1, 0.05, 3.0], 0.16))
+    with pytest.raises(ValueError, match="expected size > 0 and a finite camera_offset"):
+        measure(Detection(1, corners), COURSE_CAMERA, size, offset)
+
+
+@pytest.mark.parametrize(
+    "picture",
+    [np.zeros((9, 9)), np.zeros((9, 9, 3)), np.zeros((9, 9, 4), np.uint8), np.zeros((0, 9, 3), np.uint8), None],
+)
 def test_what_is_no_picture_raises(picture):
     with pytest.raises(ValueError, match="image: expected"):
         detect(picture)
