@@ -165,3 +165,14 @@ def test_a_slider_starts_on_one_of_its_values_and_says_them_with_units():
 def test_an_explorer_needs_a_parameter():
     with pytest.raises(ValueError, match="at least one parameter"):
         explore(plain)
+
+
+def test_sweep_catches_words_that_are_the_same_everywhere():
+    problems = sweep(explore(lambda a: _line(round(1e6 * (a - 1))), a=[1.00001, 1.00002]))
+    assert problems == ["the text alternative says 'a 1' everywhere"]
+
+
+def _line(height):
+    fig = plotting.figure(3, 2)
+    fig.subplots().plot([0, height], [0, 1])
+    return fig

@@ -79,6 +79,9 @@ def check(name: str, answer: Any, seed: int | None = None) -> Verdict:
         verdict = Verdict(name, True)
     except Misconception as wrong:
         verdict = Verdict(name, False, str(wrong))
+    except Exception as error:  # the check itself stumbled over what it was given
+        verdict = Verdict(name, False, f"What came back cannot be compared ({type(error).__name__}: {error}). Is it of "
+                                       "the kind that the exercise asks for, numbers in an array?")  # fmt: skip
     if (listening := _listener.get()) is not None:
         listening.append(verdict)
     return verdict
@@ -115,7 +118,7 @@ def call(answer: Any, *arguments: Any) -> Any:
             result = answer(*given)
     except NotImplementedError:
         raise Misconception("Nothing here yet: replace the placeholder by your own lines.") from None
-    except Exception as error:  # whatever a student's code raises is shown to the student
+    except (Exception, SystemExit) as error:  # whatever a student's code raises is shown to the student
         raise Misconception(f"Your function stopped with {type(error).__name__}: {error}") from error
     expect(result is not None, "Your function returns None. Is there a return at its end?")
     unchanged = all(_same(a, b) for a, b in zip(given, arguments, strict=True))
@@ -132,6 +135,8 @@ def close(
     otherwise : the hint when no known misconception fits.
     """
     expected = np.asarray(expected, dtype=float)
+    # numpy would drop the imaginary part, with a warning at most
+    expect(not _is_complex(got), "Some of your numbers are complex; real ones are wanted.")
     try:
         got = np.asarray(got, dtype=float)
     except (TypeError, ValueError):
@@ -163,6 +168,13 @@ def collecting() -> Iterator[list[Verdict]]:
         yield verdicts
     finally:
         _listener.reset(token)
+
+
+def _is_complex(got: Any) -> bool:
+    try:
+        return bool(np.iscomplexobj(got) or np.iscomplexobj(np.asarray(got)))
+    except ValueError:
+        return False
 
 
 def _near(a: np.ndarray, b: np.ndarray, tolerance: float) -> bool:

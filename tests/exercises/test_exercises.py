@@ -2,6 +2,7 @@
 
 import importlib
 import pkgutil
+import sys
 import time
 
 import numpy as np
@@ -128,3 +129,24 @@ def test_a_verdict_reads_as_text_and_as_a_card_that_escapes_what_it_quotes():
     assert "&lt;b&gt;" in verdict._repr_html_()
     assert not verdict
     assert exercises.Verdict("lab00.x", True)
+
+
+ODD = ["", "abc", b"x", {}, {"a": 1}, set(), ..., object(), 10**400, 1j, [[1], [2, 3]], (np.zeros((2, 2)), "x"), print]
+
+
+@pytest.mark.parametrize("name", ANSWERS)
+def test_whatever_an_answer_returns_is_a_verdict_and_never_an_exception(name):
+    for odd in ODD:
+        verdict = check(name, lambda *a, odd=odd: odd)
+        assert not verdict and verdict.hint, odd
+
+
+def test_a_function_that_wants_to_end_the_session_is_a_hint():
+    with pytest.raises(Misconception, match="SystemExit"):
+        call(lambda: sys.exit("done"))
+
+
+def test_close_does_not_drop_an_imaginary_part():
+    for got in (0.3 + 1j, np.array([0.3 + 0j]), [0.3 + 1j]):
+        with pytest.raises(Misconception, match="complex"):
+            close(got, [0.3], otherwise="Something else.")
