@@ -63,6 +63,8 @@ class Log:
                 raise ValueError(f"{name}: expected one entry a sample, {np.shape(self.range)}, got {values.shape}")
             if name != "colour" and not np.all(np.isfinite(values)):
                 raise ValueError(f"{name}: expected finite numbers, got {values[~np.isfinite(values)][0]}")
+            if name in ("range", "true_range") and not np.all(values > 0):
+                raise ValueError(f"{name}: expected metres > 0, got {values[values <= 0][0]}")
             values.flags.writeable = False
             object.__setattr__(self, name, values)
 
@@ -124,13 +126,16 @@ def read_landmark_log(path: str | Path) -> Log:
     when it is there, and errors are computed, not read.  Stamps may repeat but not run backwards: as few rows as
     possible are dropped for that, so one wild stamp costs one row.
 
-    Raises FileNotFoundError, or ValueError for an empty file, a binary one, missing columns or no usable row.
+    Raises FileNotFoundError, or ValueError for an empty file, a binary one, missing or repeated columns or no usable
+    row.
     """
     path = Path(path)
-    records = [(line, record) for line, record in enumerate(csv.reader(_text(path).splitlines()), start=1) if record]
+    records = [(line, _fields(text)) for line, text in enumerate(_text(path).splitlines(), start=1) if text.strip()]
     header = [name.strip() for name in records[0][1]]
     if missing := [name for name in LOG_COLUMNS if name not in header]:
         raise ValueError(f"{path}: the header lacks {', '.join(missing)}; it reads {','.join(header)}")
+    if doubles := [name for name in LOG_COLUMNS if header.count(name) > 1]:
+        raise ValueError(f"{path}: expected each column once, the header names {', '.join(doubles)} twice or more")
     lines, rows, colours, rejected = [], [], [], []
     for line, record in records[1:]:
         if len(record) != len(header):
@@ -214,6 +219,14 @@ def _text(path: Path) -> str:
     if not text.strip():
         raise ValueError(f"{path}: the file is empty")
     return text
+
+
+def _fields(line: str) -> list[str]:
+    """The fields of one line, read by itself: a stray quote spoils its own row and no other."""
+    try:
+        return next(csv.reader([line]))
+    except csv.Error:  # a field beyond 128 kB
+        return [line]
 
 
 def _numbers(entries: Sequence[str]) -> tuple[list[float], str]:

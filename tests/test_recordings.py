@@ -179,3 +179,25 @@ def test_the_real_recordings_have_the_shapes_their_sources_state():
     assert set(run.measurements[:, 1]) <= set(range(6, 21))
     assert run.dropped == {"another robot": 650, "unknown barcode": 0}
     assert run.odometry[-1, 0] - run.odometry[0, 0] == pytest.approx(896, abs=6)
+
+
+def test_a_stray_quote_or_an_endless_field_spoils_its_own_row_only(csv_file):
+    for broken in ('2,"2,0.1,2.2,0.1', "2,2,0.1,2.2," + "1" * 200_000):
+        header = "stamp,measured_d,measured_theta,true_d,true_theta"
+        log = read_landmark_log(csv_file(header, "1,2,0.1,2.2,0.1", broken, "3,2,0.1,2.2,0.1", "4,2,0.1,2.2,0.1"))
+        assert (len(log), log.dropped, log.rejected[0].line) == (3, 1, 3)
+
+
+def test_a_column_named_twice_is_an_error(tmp_path):
+    path = tmp_path / "log.csv"
+    path.write_text("stamp,measured_d,measured_d,measured_theta,true_d,true_theta\n1,2,99,0.1,2.2,0.1\n")
+    with pytest.raises(ValueError, match="names measured_d twice"):
+        read_landmark_log(path)
+
+
+@pytest.mark.parametrize("bad", [0.0, -1.0])
+def test_a_log_made_by_hand_holds_no_range_that_cannot_be(bad):
+    with pytest.raises(ValueError, match=r"^range: expected metres > 0"):
+        Log([bad, 2.0], [0, 0], [1, 2], [0, 0])
+    with pytest.raises(ValueError, match=r"true_range: expected metres > 0"):
+        Log([1, 2], [0, 0], [bad, 2.0], [0, 0])
