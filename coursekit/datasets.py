@@ -122,6 +122,8 @@ def locate(folder: str) -> Path:
 
     Raises DatasetUnavailable naming the file, the places that were searched and what to do.
     """
+    if folder not in ORIGINS:
+        raise ValueError(f"no folder named {folder!r}; there are: {', '.join(ORIGINS)}")
     origin, searched = ORIGINS[folder], []
     if root := os.environ.get("COURSEKIT_DATA"):
         yours = Path(root).expanduser() / folder

@@ -153,7 +153,7 @@ def chi2_band(dof: int, runs: int = 1, confidence: float = 0.95) -> tuple[float,
 
     Source: Bar-Shalom, Li & Kirubarajan (2001), eq. 5.4.2-14.
     """
-    if dof < 1 or runs < 1:
+    if not (1 <= dof < np.inf and 1 <= runs < np.inf):
         raise ValueError(f"expected dof ≥ 1 and runs ≥ 1, got dof={dof}, runs={runs}")
     if not 0 < confidence < 1:
         raise ValueError(f"confidence: expected a probability in (0, 1), got {confidence}")

@@ -130,6 +130,8 @@ def is_rotation(R: ArrayLike, tolerance: float = 1e-6) -> bool:
 def homogeneous(pose: ArrayLike) -> Array:
     """The (3, 3) homogeneous matrix of a planar pose (3,)."""
     pose = _poses(pose, "pose")
+    if pose.shape != (3,):
+        raise ValueError(f"pose: expected one pose [x, y, θ], got shape {pose.shape}")
     T = np.eye(3)
     T[:2, :2], T[:2, 2] = rotation(pose[2]), pose[:2]
     return T

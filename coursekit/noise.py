@@ -109,8 +109,8 @@ def fit_piecewise(
     Raises ValueError when fewer than two samples lie inside the limits, or for limits and inflation ≤ 0.
     """
     near, far = range_limits
-    if not (0 <= near < far and bearing_limit > 0 and inflation > 0):
-        raise ValueError(f"expected 0 ≤ near < far, bearing_limit > 0 and inflation > 0, "
+    if not (0 <= near < far and bearing_limit > 0 and 0 < inflation < np.inf):
+        raise ValueError(f"expected 0 ≤ near < far, bearing_limit > 0 and finite inflation > 0, "
                          f"got {range_limits}, {bearing_limit}, {inflation}")  # fmt: skip
     chosen = (near <= log.range) & (log.range <= far), np.abs(log.bearing) <= bearing_limit
     counts = int(np.sum(chosen[0])), int(np.sum(chosen[1]))

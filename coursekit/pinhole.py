@@ -49,6 +49,8 @@ class Camera:
                 raise ValueError(f"{name}: expected one number, got an array of shape {value.shape}")
         if int(self.width) != self.width or int(self.height) != self.height:
             raise ValueError(f"width, height: expected whole pixels, got {self.width} × {self.height}")
+        object.__setattr__(self, "width", int(self.width))  # 640.0 is as good as 640, but no array can be that long
+        object.__setattr__(self, "height", int(self.height))
 
     def project(self, p_camera: ArrayLike) -> Array:
         """Pixels [u, v] of points [x, y, z] in the camera's frame: (..., 3) metres → (..., 2).
@@ -68,7 +70,9 @@ class Camera:
 
     def unproject(self, pixels: ArrayLike, depth: ArrayLike) -> Array:
         """The points [x, y, z] at a depth x behind pixels [u, v]: (..., 2) and (...) → (..., 3)."""
-        pixels, x = np.asarray(pixels, dtype=float), _finite(depth, "depth", positive=True)
+        pixels, x = _finite(pixels, "pixels"), _finite(depth, "depth", positive=True)
+        if pixels.ndim == 0 or pixels.shape[-1] != 2:
+            raise ValueError(f"pixels: expected shape (..., 2), got {pixels.shape}")
         y, z = x * (self.cx - pixels[..., 0]) / self.fx, x * (self.cy - pixels[..., 1]) / self.fy
         return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
 

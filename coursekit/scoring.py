@@ -156,6 +156,8 @@ def autocorrelation(x: ArrayLike, lags: int) -> Array:
     values = np.asarray(x, dtype=float)
     if values.ndim != 1 or not 0 <= lags < values.size:
         raise ValueError(f"expected a sequence and 0 ≤ lags < its length, got shape {values.shape} and {lags}")
+    if not np.all(np.isfinite(values)):
+        raise ValueError(f"expected finite numbers, got {values[~np.isfinite(values)][0]}")
     values = values - values.mean()
     size = 1 << (2 * values.size).bit_length()  # long enough that the end does not wrap round to the beginning
     products = np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: lags + 1]

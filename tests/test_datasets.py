@@ -114,3 +114,8 @@ def test_the_real_files_here_are_the_ones_whose_hashes_are_written_down():
         recording(name)
         for file, digest in datasets.ORIGINS[folder].sha256.items():
             assert hashlib.sha256((datasets.locate(folder) / file).read_bytes()).hexdigest() == digest
+
+
+def test_a_folder_nobody_knows_is_refused_with_those_there_are():
+    with pytest.raises(ValueError, match="no folder named 'moon'; there are: landmark_log"):
+        datasets.locate("moon")

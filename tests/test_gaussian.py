@@ -120,3 +120,10 @@ def test_the_lower_triangle_does_not_fool_the_covariance_check():
     """numpy's Cholesky reads one triangle only; the check must see the other."""
     with pytest.raises(ValueError, match="symmetric"):
         gaussian.check_covariance([[1.0, 5.0], [0.0, 1.0]])
+
+
+@pytest.mark.parametrize("bad", [np.nan, np.inf, 0])
+def test_a_band_asks_for_numbers_of_freedoms_and_runs_that_can_be(bad):
+    for arguments in ((bad, 1), (3, bad)):
+        with pytest.raises(ValueError, match="expected dof ≥ 1 and runs ≥ 1"):
+            chi2_band(*arguments)

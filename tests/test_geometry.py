@@ -106,3 +106,9 @@ def test_a_reflection_is_no_rotation():
 def test_wrong_shapes_are_refused_with_what_was_expected(function, arguments):
     with pytest.raises(ValueError, match="expected"):
         function(*arguments)
+
+
+@pytest.mark.parametrize("shape", [(2, 3), (3, 3), (1, 3)])
+def test_a_homogeneous_matrix_is_of_one_pose(shape):
+    with pytest.raises(ValueError, match="pose: expected one pose"):
+        g.homogeneous(np.zeros(shape))

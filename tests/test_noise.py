@@ -295,3 +295,8 @@ def test_load_log_reads_the_same_samples_as_the_reader(tmp_path):
     path.write_text("stamp,measured_d,measured_theta,true_d,true_theta\n1,2,0.1,2.2,0.1\n0,0,0,0,0\n")
     log = noise.load_log(path)
     assert (len(log), log.dropped, log.range[0]) == (1, 1, 2.0)
+
+
+def test_an_infinite_inflation_is_refused_since_r_would_be_infinite_too():
+    with pytest.raises(ValueError, match="finite inflation > 0"):
+        fit_piecewise(drive(np.random.default_rng(0), n=100), inflation=np.inf)

@@ -201,3 +201,15 @@ def test_a_camera_is_checked_when_it_is_made(name, value):
 def test_a_camera_is_frozen():
     with pytest.raises(AttributeError):
         COURSE_CAMERA.fx = 1.0
+
+
+@pytest.mark.parametrize("pixels", [[1.0, 2.0, 3.0], [1.0], 1.0, [np.nan, 1.0]])
+def test_unprojecting_asks_for_whole_pixels_u_and_v(pixels):
+    with pytest.raises(ValueError, match="pixels: expected"):
+        COURSE_CAMERA.unproject(pixels, 2.0)
+
+
+def test_a_size_that_comes_as_a_float_becomes_a_whole_number():
+    camera = Camera(53.0, 53.0, 32.0, 24.0, 64.0, np.float64(48))
+    assert isinstance(camera.width, int) and isinstance(camera.height, int)
+    assert camera == Camera(53.0, 53.0, 32.0, 24.0, 64, 48)

@@ -136,3 +136,9 @@ def test_samples_that_repeat_each_other_count_once():
     assert effective_samples(x) == pytest.approx(400, rel=0.3)
     assert 1.0 <= effective_samples(np.arange(50.0)) < 10
     assert effective_samples(np.tile([1.0, -1.0], 50)) == 100
+
+
+def test_a_sequence_with_a_gap_is_refused_and_does_not_count_as_independent():
+    for ask in (effective_samples, lambda x: autocorrelation(x, 1)):
+        with pytest.raises(ValueError, match="expected finite numbers, got nan"):
+            ask([1.0, np.nan, 3.0])

@@ -189,9 +189,13 @@ def _keep(thing: Any, **values: Any) -> None:
 
 
 def _number(value: Any, name: str) -> float:
-    if isinstance(value, (bool, str)) or np.ndim(value) or not np.isreal(value) or not np.isfinite(value):
+    try:
+        number = np.nan if isinstance(value, (bool, str)) or np.ndim(value) else float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = np.nan
+    if not np.isfinite(number):
         raise ValueError(f"{name}: expected a finite number, got {value!r}")
-    return float(value)
+    return number
 
 
 def _positive(value: Any, name: str) -> float:

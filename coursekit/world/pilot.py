@@ -90,7 +90,7 @@ class Pilot:
     reverse: bool = False
 
     def __post_init__(self) -> None:
-        if not min(self.speed, self.turn_rate, self.tolerance) > 0:
+        if not (self.speed > 0 and self.turn_rate > 0 and self.tolerance > 0):
             raise ValueError(f"expected speed, turn_rate and tolerance > 0, got {self}")
         self._heading = PID(kp=3.0, ki=0.2, kd=0.1, limit=self.turn_rate)
         self._distance = PID(kp=1.5, kd=0.05, limit=self.speed)
@@ -128,26 +128,33 @@ def drive(
     timeout : seconds of the world's time that one leg may take.
 
     The world advances only while the caller iterates, which makes this the loop to hang sensors, recorders and
-    progress bars on.  Raises ValueError for waypoints that are not finite (n, 2) and TimeoutError when a leg
-    takes too long: something stands in the way.
+    progress bars on.  Raises ValueError for waypoints that are not finite (n, 2) and for a pose that is not a finite
+    [x, y, θ], TimeoutError when a leg takes too long: something stands in the way.
     """
     waypoints = np.atleast_2d(np.asarray(waypoints, dtype=float))
     if waypoints.ndim != 2 or waypoints.shape[1] != 2 or not np.all(np.isfinite(waypoints)):
         raise ValueError(f"waypoints: expected finite points of shape (n, 2), got {waypoints}")
-    pilot, where = pilot or Pilot(), pose or (lambda: world.pose)
-    return _drive(world, waypoints, pilot, where, timeout)
+    if not timeout >= 0:
+        raise ValueError(f"timeout: expected seconds ≥ 0, got {timeout!r}")
+    return _drive(world, waypoints, pilot or Pilot(), pose or (lambda: world.pose), timeout)
 
 
 def _drive(
-    world: World, waypoints: Array, pilot: Pilot, where: Callable[[], ArrayLike], timeout: float
+    world: World, waypoints: Array, pilot: Pilot, pose: Callable[[], ArrayLike], timeout: float
 ) -> Iterator[Step]:
+    def where() -> Array:
+        here = np.asarray(pose(), dtype=float)
+        if here.shape != (3,) or not np.all(np.isfinite(here)):  # else NaN would count as arrived
+            raise ValueError(f"pose: expected finite [x, y, θ], got {here}")
+        return here
+
     for reached, goal in enumerate(waypoints):
         pilot.reset()
         deadline = world.time + timeout
-        while np.hypot(*(goal - np.asarray(where())[:2])) > pilot.tolerance:
+        while np.hypot(*(goal - where()[:2])) > pilot.tolerance:
             if world.time > deadline:
                 raise TimeoutError(f"waypoint {reached}, {goal}: expected to arrive within {timeout} s, "
-                                   f"got stuck at {np.asarray(where())[:2].round(3)}")  # fmt: skip
+                                   f"got stuck at {where()[:2].round(3)}")  # fmt: skip
             yield _advance(world, pilot.control(where(), goal, world.dt), reached, len(waypoints))
     stop = np.zeros(2)
     yield _advance(world, stop, len(waypoints), len(waypoints))

@@ -84,7 +84,7 @@ class Recording:
                 for key in stored.files:
                     table, column = key.split("/", 1)
                     tables[table][column] = stored[key]
-        except (ValueError, KeyError, AttributeError, EOFError, zipfile.BadZipFile) as error:
+        except (ValueError, KeyError, AttributeError, TypeError, EOFError, zipfile.BadZipFile) as error:
             raise ValueError(f"{path}: expected a recording without pickles, got one that says: {error}") from None
         return cls(**tables)
 

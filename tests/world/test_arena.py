@@ -116,3 +116,11 @@ def test_a_crates_corners_run_counter_clockwise_round_its_centre():
     x, y = corners.T
     area = 0.5 * np.sum(x * np.roll(y, -1) - np.roll(x, -1) * y)
     assert area == pytest.approx(0.12)
+
+
+@pytest.mark.parametrize("radius", ["2020-01-01", "{a = 1}", "9" * 400, "[1]", "true", '"1"'])
+def test_a_file_with_something_else_where_a_number_belongs_says_where(tmp_path, radius):
+    path = tmp_path / "odd.toml"
+    path.write_text(f'name = "odd"\n[[cylinders]]\nposition = [1, 2]\nradius = {radius}\n')
+    with pytest.raises(ValueError, match=r"odd\.toml: cylinders\[0\]\.radius: expected a finite number"):
+        Arena.load(path)

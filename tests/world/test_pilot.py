@@ -103,3 +103,19 @@ def test_the_integral_does_not_wind_up_while_the_output_is_at_its_limit():
     loop = PID(kp=1.0, ki=1.0, limit=1.0)
     assert [loop(10.0, 1.0) for _ in range(50)] == [1.0] * 50
     assert loop(-0.1, 1.0) == pytest.approx(-0.2)
+
+
+@pytest.mark.parametrize("lost", [[np.nan, 0, 0], [0, 0, np.inf], [0, 0]])
+def test_a_pilot_that_does_not_know_where_it_is_has_not_arrived(lost):
+    world = World(Arena("nowhere"), seed=1)
+    with pytest.raises(ValueError, match="pose: expected finite"):
+        list(drive(world, [[5, 0]], pose=lambda: lost))
+    assert world.time == 0
+
+
+def test_settings_of_a_drive_that_are_no_numbers_are_refused():
+    for name in ("speed", "turn_rate", "tolerance"):
+        with pytest.raises(ValueError, match="expected speed, turn_rate and tolerance > 0"):
+            Pilot(**{name: np.nan})
+    with pytest.raises(ValueError, match="timeout: expected seconds"):
+        drive(World(Arena("nowhere"), seed=1), [[5, 0]], timeout=np.nan)

@@ -141,3 +141,9 @@ def test_text_in_a_csv_may_hold_commas_quotes_and_greek(tmp_path):
 def test_recording_nothing_is_an_error():
     with pytest.raises(ValueError, match="at least one"):
         record(World(Arena("open"), 1), [])
+
+
+def test_a_single_array_is_no_recording(tmp_path):
+    np.save(tmp_path / "array.npy", np.zeros(3))
+    with pytest.raises(ValueError, match="expected a recording"):
+        Recording.load(tmp_path / "array.npy")
