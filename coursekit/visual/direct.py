@@ -71,6 +71,8 @@ class DirectMatcher:
 
     def correlation(self, image: NDArray[np.uint8], scale: float = 1.0) -> Callable[[Array], Array]:
         """ρ in [-1, 1] between the picture and the map's window at each state, (n, 3) → (n,)."""
+        if not (np.isfinite(scale) and scale > 0):
+            raise ValueError(f"scale: expected pixels of the map per pixel > 0, got {scale}")
         grey = as_grey(image, "image")
         small = shrink(grey, self.level)
         step = 2**self.level

@@ -17,7 +17,9 @@ from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
-from scipy.ndimage import label
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import KDTree
 
 from coursekit import particles
 from coursekit.gaussian import Gaussian, symmetrize
@@ -86,7 +88,7 @@ class VisualFilter:
         for name in ("share", "outlier", "kidnap"):
             if not 0 < getattr(self, name) < 1:
                 raise ValueError(f"{name}: expected a number in (0, 1), got {getattr(self, name)}")
-        if len(self.map_shape) < 2 or min(self.map_shape[:2]) < 1:
+        if len(self.map_shape) < 2 or not all(pixels >= 1 for pixels in self.map_shape[:2]):
             raise ValueError(f"map_shape: expected (h, w), got {self.map_shape}")
 
     @property
@@ -141,14 +143,14 @@ class VisualFilter:
         self, before: Particles, moved: Particles, control: Array, dt: float, fix: Gaussian, rng: np.random.Generator
     ) -> Particles:
         """Particles from two sources, weighed by  w = prior · likelihood / (mixture of the two proposals)."""
+        likelihood = log_likelihood(fix, self.outlier, self.volume)
         n = len(moved)
         m = min(round(self.share * n), n - 1)
         if m == 0:  # too few to share out
-            return particles.weigh(moved, log_likelihood(fix, self.outlier, self.volume))
+            return particles.weigh(moved, likelihood)
         kept = particles.resample(moved, rng, size=n - m).states
         states, share = np.vstack([kept, _draw(fix, m, rng)]), m / n
-        log_fix = log_likelihood(fix)(states)
-        log_z = log_likelihood(fix, self.outlier, self.volume)(states)
+        log_fix, log_z = log_likelihood(fix)(states), likelihood(states)
         # Away from the fix the prior cancels: such particles came from it.
         log_w = np.log1p(-self.kidnap) + log_z - np.log1p(-share)
         near = log_fix > log_fix.max() - 30
@@ -216,13 +218,16 @@ def mode(cloud: Particles, cell: float = 40.0) -> Gaussian:
     """
     if not (np.isfinite(cell) and cell > 0):
         raise ValueError(f"cell: expected a size > 0 px, got {cell}")
-    rows = np.floor(cloud.states[:, :2] / cell).astype(int)
-    rows -= rows.min(axis=0)
-    occupied = np.zeros(rows.max(axis=0) + 1, dtype=bool)
-    heavy = cloud.weights > 1e-6 / len(cloud)
-    occupied[tuple(rows[heavy].T)] = True
-    clump = label(occupied, structure=np.ones((3, 3)))[0][tuple(rows.T)] * heavy
-    inside = clump == np.bincount(clump, weights=cloud.weights).argmax()
+    heavy = np.flatnonzero(cloud.weights > 1e-6 / len(cloud))
+    cells = np.floor(cloud.states[heavy, :2] / cell).astype(int)
+    cells -= cells.min(axis=0)
+    wide = cells[:, 1].max() + 1
+    # Only cells that hold a particle are looked at: a grid over all between two far clumps would fill the memory.
+    held, holder = np.unique(cells[:, 0] * wide + cells[:, 1], return_inverse=True)
+    i, j = KDTree(np.column_stack(divmod(held, wide))).query_pairs(1, p=np.inf, output_type="ndarray").T
+    touching = coo_array((np.ones(len(i), dtype=bool), (i, j)), shape=(len(held), len(held)))
+    clump = connected_components(touching, directed=False)[1][holder]
+    inside = heavy[clump == np.bincount(clump, weights=cloud.weights[heavy]).argmax()]
     chosen = Particles(cloud.states[inside], cloud.log_weights[inside], angles=cloud.angles)
     return Gaussian(particles.mean(chosen), _at_least(particles.covariance(chosen)))
 

@@ -77,7 +77,8 @@ class MapMatcher:
     Building the search trees draws from OpenCV's own generator; it is seeded first, so that the same map always
     gives the same matcher.
 
-    Raises ValueError for a map that is no uint8 image, or that is so plain that nothing on it can be told apart.
+    Raises ValueError for settings that make no sense, a map that is no uint8 image, and one so plain that nothing
+    on it can be told apart.
     """
 
     def __init__(
@@ -91,6 +92,11 @@ class MapMatcher:
         scales: tuple[float, float] = (0.5, 2.0),
         max_skew: float = 1.25,
     ) -> None:
+        if max_features < 1 or min_inliers < 4:  # a homography has 8 unknowns, a pair gives 2
+            raise ValueError(f"expected max_features ≥ 1 and min_inliers ≥ 4, got {max_features} and {min_inliers}")
+        if not (0 < ratio <= 1 and reprojection > 0 and 0 < scales[0] < scales[1] and max_skew >= 1):
+            raise ValueError("expected ratio in (0, 1], reprojection > 0, rising scales > 0 and max_skew ≥ 1, "
+                             f"got {ratio}, {reprojection}, {scales} and {max_skew}")  # fmt: skip
         grey = as_grey(map_image, "map_image")
         self.shape = grey.shape
         self.ratio, self.reprojection, self.min_inliers = ratio, reprojection, min_inliers

@@ -84,6 +84,7 @@ def test_colour_is_welcome(sea, frame):
         (lambda sea: DirectMatcher(sea, grain=np.nan), "grain"),
         (lambda sea: DirectMatcher(sea[:40, :40], level=5), "too small for 5 halvings"),
         (lambda sea: DirectMatcher(sea).log_likelihood(np.full((400, 400), np.nan)), "uint8"),
+        (lambda sea: DirectMatcher(sea).correlation(sea[:400, :400], np.nan), "scale"),
         (lambda sea: DirectMatcher(sea).correlation(sea[:400, :400])(np.zeros((3, 2))), "pose"),
     ],
 )

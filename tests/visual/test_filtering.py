@@ -232,6 +232,11 @@ def test_the_mode_of_one_clump_is_its_mean_however_wide_it_is():
     assert mode(cloud).cov[0, 0] == pytest.approx(3600, rel=0.1)
 
 
+def test_between_two_clumps_far_apart_the_mode_needs_no_more_memory():
+    states = np.vstack([at([0, 0, 0], n=20).states, at([1e9, -1e9, 1.0], n=30).states])
+    assert mode(Particles(states, angles=(2,))).mean == pytest.approx([1e9, -1e9, 1.0], abs=0.1)
+
+
 def test_after_resampling_the_greatest_weight_is_an_arbitrary_particle():
     rng = np.random.default_rng(0)
     cloud = at([1000, -400, 0], 1000, (5, 5, 0.1))
@@ -272,8 +277,13 @@ def test_a_few_particles_are_enough_to_run(n):
         (lambda: visual(outlier=np.nan), "outlier"),
         (lambda: visual(kidnap=-1.0), "kidnap"),
         (lambda: VisualFilter((800,), MOTION), "map_shape"),
+        (lambda: VisualFilter((800, np.nan), MOTION), "map_shape"),
         (lambda: mode(at([0, 0, 0]), cell=0), "cell"),
         (lambda: log_likelihood(Gaussian(np.zeros(2), np.eye(2))), "over 2 numbers"),
+        (
+            lambda: visual().step(at([0, 0, 0]), CONTROL, DT, Gaussian([0, 0], np.eye(2)), np.random.default_rng(0)),
+            "over 2 numbers",
+        ),
         (lambda: visual().step(at([0, 0, 0]), CONTROL, DT, None, np.random.default_rng(0)), "got NoneType"),
         (lambda: visual().step(at([0, 0, 0]), [np.nan, 0], DT, BLIND, np.random.default_rng(0)), "finite"),
         (lambda: Gaussian(np.zeros(3), -np.eye(3)), "positive definite"),

@@ -229,6 +229,23 @@ def test_a_map_on_which_nothing_can_be_told_apart_is_refused(image, message):
         MapMatcher(image)
 
 
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"min_inliers": 3},
+        {"max_features": 0},
+        {"ratio": np.nan},
+        {"ratio": 1.5},
+        {"reprojection": 0.0},
+        {"scales": (2.0, 0.5)},
+        {"max_skew": 0.5},
+    ],
+)
+def test_settings_by_which_nothing_could_be_matched_are_refused(sea, settings):
+    with pytest.raises(ValueError, match=next(iter(settings))):
+        MapMatcher(sea, **settings)
+
+
 # --- the fit -----------------------------------------------------------------------------------------------------
 
 
