@@ -326,6 +326,10 @@ def test_the_kld_size_is_a_chi_square_quantile(bins):
     assert particles.kld_size(bins) == pytest.approx(exact, rel=0.06 if bins == 2 else 0.02)
 
 
+def test_even_the_least_demanding_cloud_needs_a_particle():
+    assert particles.kld_size(2, confidence=0.01) == 1 and particles.kld_size(10, error=np.inf) == 1
+
+
 def test_a_kld_sized_sample_is_as_close_as_promised():
     """Within 0.02 nats with 95 % confidence: of 1000 samples 95 % ± 2.8 % (four standard errors: false alarm
     6e-5) should be.  With few particles a bin the promise is a little optimistic (94.1 % here, n = 1365)."""
@@ -423,12 +427,18 @@ def test_the_other_doors_say_what_was_wrong():
         particles.predict(cloud, DifferentialDrive(), [1.0, 0.0], 0.0, rng)
     with pytest.raises(ValueError, match="finite"):
         particles.predict(cloud, DifferentialDrive(), [np.nan, 0.0], 1.0, rng)
+    with pytest.raises(ValueError, match="one for each of 10, got 9"):
+        particles.predict(cloud, DifferentialDrive(), np.ones((9, 2)), 1.0, rng)
     with pytest.raises(ValueError, match="positive definite"):
         particles.as_gaussian(Particles(np.zeros((3, 2))))
     with pytest.raises(ValueError, match="bins"):
         particles.kld_size(0)
     with pytest.raises(ValueError, match="bin_size"):
         particles.occupied_bins(cloud.states, 0.0)
+    with pytest.raises(ValueError, match=r"states.*nan"):
+        particles.occupied_bins([[0.0, np.nan]], 1.0)
+    with pytest.raises(ValueError, match=r"states.*\(2,\)"):
+        particles.occupied_bins([0.0, 1.0], 1.0)
     with pytest.raises(ValueError, match="scale"):
         particles.roughen(cloud, rng, scale=-1)
 

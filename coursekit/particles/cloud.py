@@ -78,6 +78,8 @@ def predict(
     """
     control = np.asarray(control, dtype=float)
     each = control.ndim == 2 and len(control) == len(cloud)
+    if control.ndim == 2 and not each and len(control) != 1:
+        raise ValueError(f"control: expected one for all or one for each of {len(cloud)}, got {len(control)}")
     states = np.empty_like(cloud.states)
     for block in _blocks(len(cloud)):
         moved = motion.sample(cloud.states[block], control[block] if each else control, dt, rng)

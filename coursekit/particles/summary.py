@@ -55,7 +55,7 @@ def kld_size(bins: int, error: float = 0.05, confidence: float = 0.99) -> int:
 
     Source: Fox (2003), eq. 7, the Wilson-Hilferty approximation of a chi-square quantile.
     """
-    if bins < 1 or not error > 0 or not 0 < confidence < 1:
+    if not bins >= 1 or not error > 0 or not 0 < confidence < 1:
         raise ValueError(
             "expected bins ≥ 1, error > 0 and confidence in (0, 1), "
             f"got bins={bins}, error={error}, confidence={confidence}"
@@ -63,7 +63,8 @@ def kld_size(bins: int, error: float = 0.05, confidence: float = 0.99) -> int:
     if bins == 1:
         return 1
     spread = 2 / (9 * (bins - 1))
-    return int(np.ceil((bins - 1) / (2 * error) * (1 - spread + np.sqrt(spread) * norm.ppf(confidence)) ** 3))
+    needed = np.ceil((bins - 1) / (2 * error) * (1 - spread + np.sqrt(spread) * norm.ppf(confidence)) ** 3)
+    return max(1, int(needed))
 
 
 def occupied_bins(states: ArrayLike, bin_size: ArrayLike) -> int:
@@ -71,6 +72,8 @@ def occupied_bins(states: ArrayLike, bin_size: ArrayLike) -> int:
     states, bin_size = np.asarray(states, dtype=float), np.asarray(bin_size, dtype=float)
     if not np.all(bin_size > 0):
         raise ValueError(f"bin_size: expected numbers > 0, got {bin_size}")
+    if states.ndim != 2 or not np.isfinite(states).all():
+        raise ValueError(f"states: expected finite numbers of shape (n, d), got {states} of shape {states.shape}")
     return len(np.unique(np.floor(states / bin_size).astype(np.int64), axis=0))
 
 
