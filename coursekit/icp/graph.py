@@ -55,9 +55,11 @@ def residuals(a: ArrayLike, b: ArrayLike, measured: ArrayLike) -> tuple[Array, A
 def relax(poses: ArrayLike, edges: Sequence[Edge], iterations: int = 30) -> Array:
     """The poses (n, 3) that minimise Σ rᵀ cov⁻¹ r over the edges, by Gauss-Newton from ``poses``; the first stays.
 
-    Raises ValueError when an edge names a pose that is not there, or when a pose hangs on no edge.
+    Raises ValueError for bad poses, an edge that names a pose that is not there, and a pose that hangs on no edge.
     """
     poses = np.array(poses, dtype=float)
+    if poses.ndim != 2 or poses.shape[1] != 3 or not np.all(np.isfinite(poses)):
+        raise ValueError(f"poses: expected finite poses of shape (n, 3), got shape {poses.shape}:\n{poses}")
     n = len(poses)
     if not edges or any(not (0 <= e.i < n and 0 <= e.j < n and e.i != e.j) for e in edges):
         raise ValueError(f"edges: expected one or more, each between two different poses of 0 … {n - 1}")

@@ -34,6 +34,8 @@ def find_start(
     """
     source, target = check_cloud(source, "source"), check_cloud(target, "target")
     d = source.shape[1]
+    if target.shape[1] != d:
+        raise ValueError(f"expected clouds of one dimension, got source {source.shape} and target {target.shape}")
     subset, few = spread_out(len(source), points), target[spread_out(len(target), 10 * points)]
     pairing = Pairing(source, few, KdTree(few), trim=trim)
 

@@ -98,6 +98,10 @@ def test_bad_graphs_are_refused():
         relax(poses, [Edge(0, 4, np.zeros(3), COV)])
     with pytest.raises(ValueError, match="one or more"):
         relax(poses, [])
+    with pytest.raises(ValueError, match=r"poses: expected .*\(4, 2\)"):
+        relax(poses[:, :2], chain(poses))
+    with pytest.raises(ValueError, match="poses: expected finite"):
+        relax(np.full((4, 3), np.nan), chain(poses))
     with pytest.raises(ValueError, match="from the first pose to every other"):
         relax(poses, chain(poses)[:-1])
     with pytest.raises(ValueError, match="positive definite"):

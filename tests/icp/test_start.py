@@ -39,3 +39,8 @@ def test_rotations_are_rotations_and_leave_no_large_gap():
 def test_bad_clouds_are_refused_at_the_door():
     with pytest.raises(ValueError, match="source: expected finite"):
         icp.find_start([[0.0, np.nan], [1, 1]], np.eye(2))
+
+
+def test_clouds_of_two_dimensions_are_refused_together():
+    with pytest.raises(ValueError, match="one dimension"):
+        icp.find_start(np.eye(2), np.eye(3))
