@@ -1,11 +1,14 @@
 import json
 import re
 
+from io import BytesIO
+
 import numpy as np
 import pytest
+from PIL import Image
 
 from coursekit import plotting
-from coursekit.explore import Slider, collecting, explore, sweep
+from coursekit.explore import Slider, collecting, explore, png, sweep
 
 
 class Wave:
@@ -102,6 +105,12 @@ def test_live_controls_move_the_picture_and_show_errors_in_words():
     assert "no picture at three" in widget.error.value
     widget.controls["height"].value = 2
     assert widget.image.value == first and widget.error.value == ""
+
+
+def test_a_live_picture_keeps_every_pixel_and_red_stays_red():
+    frame = np.random.default_rng(0).integers(0, 256, (40, 60, 3), dtype=np.uint8)
+    frame[:20] = 255, 0, 0
+    np.testing.assert_array_equal(np.asarray(Image.open(BytesIO(png(frame)))), frame)
 
 
 def test_a_play_button_runs_through_the_values():
