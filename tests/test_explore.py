@@ -1,6 +1,5 @@
 import json
 import re
-
 from io import BytesIO
 
 import numpy as np
