@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 sys.path.insert(0, str(Path(__file__).parent.parent))
-from tests import labs
+from tests import notebooks
 
 EVENTS = 60
 
@@ -35,10 +35,10 @@ def events_per_second(explorer):
 
 def main(numbers):
     print(f"{'lab':28s} {'explorer':64s} {'median':>9s} {'slow 10%':>9s}   [events/s]")
-    for path in labs.NOTEBOOKS:
+    for path in notebooks.NOTEBOOKS:
         if numbers and path.stem[:2] not in numbers:
             continue
-        for explorer in labs.run(path).explorers:
+        for explorer in notebooks.run(path).explorers:
             median, slow = events_per_second(explorer)
             print(f"{path.stem:28s} {repr(explorer)[:64]:64s} {median:9.0f} {slow:9.0f}", flush=True)
 

@@ -31,8 +31,8 @@ import numpy as np  # noqa: E402
 
 from coursekit import particles as ours  # noqa: E402
 from coursekit.models import DifferentialDrive, RangeOnly  # noqa: E402
-from coursekit.models._vectors import sine_cosine, two_normals  # noqa: E402
-from coursekit.particles.cloud import BLOCK  # noqa: E402
+from coursekit.models._vectors import sine_cosine  # noqa: E402
+from coursekit.particles._blocks import BLOCK  # noqa: E402
 
 LANDMARKS = np.array([[0.0, 0.0], [6.0, 0.0], [6.0, 6.0], [0.0, 6.0]])
 CONTROL, DT, SIGMA_U, SIGMA_RANGE = np.array([0.5, 0.2]), 0.1, np.array([0.1, 0.1]), 0.1
@@ -159,7 +159,7 @@ def full_step(rounds: int) -> None:
     print(f"A full step with four ranges, resampling every time (median of {rounds}, ms)")
     for n in (10_000, 30_000, 100_000):
         ranges = truth(rounds + 2)
-        drive = DifferentialDrive(*SIGMA_U, sigma_slip=(0.0, 0.0, 0.0))
+        drive = DifferentialDrive(*SIGMA_U, sigma_pose=(0.0, 0.0, 0.0))
         mine = {
             "as its user writes it": Ours(n, drive, [RangeOnly(m, position=(0, 1)) for m in LANDMARKS], ranges).step,
             "the same lines in both": Ours(n, SharedMotion(), [SharedRange(m) for m in LANDMARKS], ranges).step,
@@ -186,7 +186,7 @@ def resampling(rounds: int) -> None:
     contestants: dict[str, Callable[[], object]] = {
         name: lambda method=method: method(weights, rng) for name, method in ours.RESAMPLERS.items()
     }
-    contestants["a search for each tooth"] = lambda: np.searchsorted(
+    contestants["a search for each position"] = lambda: np.searchsorted(
         np.cumsum(weights), (np.arange(n) + rng.random()) / n
     )
     try:
@@ -206,7 +206,7 @@ def resampling(rounds: int) -> None:
 def stages(n: int, rounds: int) -> tuple[dict[str, float], dict[str, float]]:
     """Seconds of each stage, and the bytes it cannot avoid: its input read once, its output written once."""
     ranges = truth(rounds + 3)
-    motion = DifferentialDrive(*SIGMA_U, sigma_slip=(0.0, 0.0, 0.0))
+    motion = DifferentialDrive(*SIGMA_U, sigma_pose=(0.0, 0.0, 0.0))
     sensors = [RangeOnly(m, position=(0, 1)) for m in LANDMARKS]
     rng = np.random.default_rng(1)
     cloud = ours.predict(
@@ -219,7 +219,7 @@ def stages(n: int, rounds: int) -> tuple[dict[str, float], dict[str, float]]:
     parts, column = np.array_split(cloud.states[:, 2].copy(), -(-n // BLOCK)), 8 * n
     calls: dict[str, tuple[Callable[[], object], float]] = {
         "predict": (lambda: ours.predict(cloud, motion, CONTROL, DT, rng), 6 * column),
-        "  of it: normals": (lambda: [two_normals(rng, part.shape) for part in parts], 0),
+        "  of it: normals": (lambda: [rng.standard_normal((2, *part.shape)) for part in parts], 0),
         "  of it: sine and cosine": (lambda: [sine_cosine(part) for part in parts], 0),
         "four ranges": (lambda: sum(gain(cloud.states) for gain in gains), 4 * 4 * column),
         "weigh": (lambda: ours.weigh(cloud, gained), 4 * column),

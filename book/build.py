@@ -11,39 +11,61 @@ from __future__ import annotations
 import argparse
 import os
 import re
-import shutil
 import sys
 import time
 from base64 import b64decode
+from collections.abc import Iterable
 from io import BytesIO
 from pathlib import Path
 
 import nbformat
 from joblib import cpu_count
 from PIL import Image
-from pybtex.database import BibliographyData, parse_file
 from sphinx.cmd.build import main as sphinx
 
+sys.path.insert(0, str(Path(__file__).parent / "_ext"))
 sys.path.insert(0, str(Path(__file__).parent))
+import answers
 import cover
+import edition
+import finish
+import reference
+from conf import MATHJAX
 from execute import ROOT, LabFailed, execute, read, recordings
+
+sys.path.insert(0, str(ROOT / "tools"))
+import assemble_site
+import citations
+import editions
+import engine
 
 BOOK = ROOT / "book"
 BUILD = BOOK / "_build"
 SOURCE = BUILD / "source"  # what Sphinx reads: the book's pages and the labs with their outputs
 HTML = BUILD / "html"
+# The first cell of a lab that a reader downloads, or opens on Colab or a hub.
+FETCH = """# Where the course is not installed, this fetches it and installs what it needs, as locked.
+import importlib.util
+from pathlib import Path
+
+if importlib.util.find_spec("coursekit") is None:
+    if not Path("where-am-i").exists():
+        !git clone --quiet --depth 1 --branch {ref} {repository} where-am-i
+    %run where-am-i/tools/install_here.py"""
 # What a reader sees in place of a folded cell.
 FOLDED = {"exercise-solution": "a solution", "check": "the check"}
 
 
 def labs(only: list[str] | None = None) -> list[Path]:
     """The labs that exist, in order; with ``only``, those whose names begin so."""
-    found = sorted((ROOT / "notebooks").glob("[0-9][0-9]_*.ipynb"))
+    found = sorted((ROOT / "notebooks").glob("[0-9][0-9]*_*.ipynb"))
     return [path for path in found if not only or path.name.startswith(tuple(only))]
 
 
-def prepare(notebook: nbformat.NotebookNode, name: str) -> nbformat.NotebookNode:
+def prepare(notebook: nbformat.NotebookNode, name: str, python: float | None = None) -> nbformat.NotebookNode:
     """A lab as a page: solutions and checks folded under a name of their own, links to the book's pages turned.
+
+    python : the MB of the Python that the site gives for exercises; None where it gives none.
 
     Raises ``LabFailed`` when a cell shows a picture and has no text alternative for it.
     """
@@ -55,11 +77,12 @@ def prepare(notebook: nbformat.NotebookNode, name: str) -> nbformat.NotebookNode
             )
         if cell.cell_type == "markdown":
             cell.source = cell.source.replace("](../book/", "](../")
-        for tag, name in FOLDED.items():
+        for tag, fold in FOLDED.items():
             if tag in cell.metadata.get("tags", []):
                 cell.metadata.tags = [*cell.metadata.tags, "hide-cell"]
-                prompts = {"code_prompt_show": f"Show {name}", "code_prompt_hide": f"Hide {name}"}
+                prompts = {"code_prompt_show": f"Show {fold}", "code_prompt_hide": f"Hide {fold}"}
                 cell.metadata.mystnb = {**prompts, **cell.metadata.get("mystnb", {})}
+    answers.offer(notebook, name, python)
     return notebook
 
 
@@ -75,18 +98,6 @@ def thumbnail(notebook: nbformat.NotebookNode) -> bytes | None:
     return None
 
 
-def bibliography(files: list[Path]) -> BibliographyData:
-    """All entries of all files.  Raises ValueError when two files give one key to two sources."""
-    merged = BibliographyData()
-    for path in files:
-        for name, entry in parse_file(path, "bibtex").entries.items():
-            if name not in merged.entries:
-                merged.add_entry(name, entry)
-            elif merged.entries[name].fields.get("title") != entry.fields.get("title"):
-                raise ValueError(f"{path.name}: the key {name!r} already names another source")
-    return merged
-
-
 def write_if_changed(path: Path, content: bytes) -> None:
     """Leave a file that is right alone: Sphinx reads again what is newer than its last build."""
     if not path.exists() or path.read_bytes() != content:
@@ -94,15 +105,27 @@ def write_if_changed(path: Path, content: bytes) -> None:
         path.write_bytes(content)
 
 
-def gather(notebooks: dict[Path, nbformat.NotebookNode]) -> None:
-    """Put all that Sphinx reads into one folder, and nothing else."""
-    sources = {path.relative_to(BOOK): path.read_bytes() for path in BOOK.glob("*.md")}
+def _link_labs(page: Path, notebooks: Iterable[Path]) -> str:
+    """A page with its links to labs as they are in the book's own folder; a lab that is not there is not linked."""
+    names = {path.name for path in notebooks}
+
+    def link(found: re.Match[str]) -> str:
+        return f"[{found[1]}](notebooks/{found[2]})" if found[2] in names else found[1]
+
+    return re.sub(r"\[([^\]]+)\]\(\.\./notebooks/([^)]+)\)", link, page.read_text(encoding="utf-8"))
+
+
+def gather(notebooks: dict[Path, nbformat.NotebookNode], python: Path | None = None) -> None:
+    """Put all that Sphinx reads into one folder, and nothing else; ``python`` is what pages run answers with."""
+    size = answers.megabytes(python)
+    sources = {path.relative_to(BOOK): _link_labs(path, notebooks).encode() for path in BOOK.glob("*.md")}
     for path, notebook in notebooks.items():
-        sources[Path("notebooks") / path.name] = nbformat.writes(prepare(notebook, path.name)).encode()
+        sources[Path("notebooks") / path.name] = nbformat.writes(prepare(notebook, path.name, size)).encode()
         if picture := thumbnail(notebook):
             sources[Path("images") / f"{path.stem}.webp"] = picture
-    references = bibliography([BOOK / "references.bib", *sorted((BOOK / "references").glob("*.bib"))])
+    references = citations.bibliography(citations.files())
     sources[Path("references.bib")] = references.to_string("bibtex").encode()
+    sources |= reference.pages(notebooks, BUILD / "pictures")
     sources[Path("images/cover.html")] = cover.explorer().html().encode()
     for old in SOURCE.rglob("*"):
         if old.is_file() and old.relative_to(SOURCE) not in sources:
@@ -111,10 +134,44 @@ def gather(notebooks: dict[Path, nbformat.NotebookNode]) -> None:
         write_if_changed(SOURCE / name, content)
 
 
-def offer_clean_notebooks(notebooks: list[Path]) -> None:
-    """What a reader downloads from a page is the lab as committed: without outputs."""
+def offer_editions(notebooks: list[Path]) -> None:
+    """What a reader downloads from a page: the lab to fill in, and the solved one.
+
+    Raises ValueError for a lab whose solutions can't be emptied.
+    """
+    folder = HTML / "_sources" / "notebooks"
     for path in notebooks:
-        shutil.copyfile(path, HTML / "_sources" / "notebooks" / path.name)
+        lab = nbformat.read(path, as_version=4)
+        nbformat.write(alone(editions.student(lab)), folder / path.name)
+        nbformat.write(alone(editions.solved(lab)), folder / f"{path.stem}.solved.ipynb")
+
+
+def alone(lab: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """A lab far from its repository: it fetches the course where that is missing, and its links lead to the site.
+
+    Unchanged where nobody said where the repository is.
+    """
+    if not (repository := edition.repository()):
+        return lab
+    for cell in lab.cells:
+        if cell.cell_type == "markdown":
+            cell.source = re.sub(r"\]\(\.\./book/(\w+)\.md", rf"]({edition.site()}\1.html", cell.source)
+    fetch = FETCH.format(repository=repository, ref=edition.ref())
+    lab.cells.insert(0, nbformat.v4.new_code_cell(fetch, id="fetch-the-course"))
+    return lab
+
+
+def name_edition() -> None:
+    """Put version and commit into each page's foot, and write the list of editions, of which this is the only one.
+
+    Not by Sphinx, which would write every page anew after each commit; ``tools/assemble_site.py`` lists several.
+    """
+    for page in HTML.rglob("*.html"):
+        foot = f'<p class="edition">{edition.words()}.</p>'
+        text = page.read_text(encoding="utf-8")
+        write_if_changed(page, re.sub(r'<p class="edition">[^<]*</p>', foot, text).encode())
+    name = "v" + ".".join(edition.version().split(".")[:2])
+    (HTML / "versions.json").write_text(assemble_site.listing(name, "./", [name]), encoding="utf-8")
 
 
 def remove_old_pages(notebooks: list[Path]) -> None:
@@ -147,7 +204,9 @@ def main(arguments: list[str] | None = None) -> int:
         return 1  # what is published shows everything
     try:
         # A lab that was not asked for is there as it is written, so that links to it lead somewhere.
-        gather({path: read(path) for path in labs()} | execute(chosen, options.jobs, BUILD / "executed", also=here))
+        pages = {path: read(path) for path in labs()}
+        python = engine.fetch()
+        gather(pages | execute(chosen, options.jobs, BUILD / "executed", also=here), python)
     except LabFailed as failed:
         print(failed, file=sys.stderr)
         return 1
@@ -155,7 +214,10 @@ def main(arguments: list[str] | None = None) -> int:
     status = sphinx([*strict, "-b", "html", "-c", str(BOOK), "-d", str(BUILD / "doctrees"), str(SOURCE), str(HTML)])
     if status == 0:
         remove_old_pages(labs())
-        offer_clean_notebooks(labs())
+        offer_editions(labs())
+        answers.install(python, HTML)
+        finish.finish(HTML, MATHJAX.parent)
+        name_edition()
         report()
         print(f"the book is in {os.path.relpath(HTML / 'index.html')} ({time.perf_counter() - began:.0f} s)")
     return status

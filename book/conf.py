@@ -1,12 +1,13 @@
 """Sphinx configuration of the book.  ``build.py`` gathers the sources that this reads."""
 
-import os
 import sys
+from hashlib import sha256
 from importlib.metadata import distribution
 from pathlib import Path
 
 BOOK = Path(__file__).resolve().parent
 sys.path.insert(0, str(BOOK / "_ext"))
+import edition  # noqa: E402
 
 project = "Where Am I?"
 author = "The Where Am I? authors"
@@ -21,9 +22,19 @@ extensions = [
     "sphinx_copybutton",
     "sphinx_togglebutton",
     "sphinxcontrib.bibtex",
+    "sphinx.ext.viewcode",
+    "answer_scripts",
+    "cards",
+    "docstrings",
+    "downloads",
     "explorers",
     "lab_map",
+    "launch",
     "page_numbers",
+    "sections",
+    "talking",
+    "symbols_in_text",
+    "terms",
 ]
 exclude_patterns = []
 
@@ -35,6 +46,13 @@ numfig = True
 math_numfig = False  # equations, too, are counted on each page
 bibtex_reference_style = "author_year"
 copybutton_exclude = ".linenos, .gp, .go"
+
+# --- the package: what the docstrings say ------------------------------------------------------------------
+sys.path.insert(0, str(BOOK.parent))
+autodoc_typehints = "none"  # the signature has them in a checker's words; the text has shapes and units
+autodoc_preserve_defaults = True
+add_module_names = False
+viewcode_line_numbers = True
 
 # --- labs: build.py has run them --------------------------------------------------------------------------
 nb_execution_mode = "off"
@@ -58,18 +76,20 @@ html_theme = "sphinx_book_theme"
 html_title = "Where Am I?"
 html_logo = "_static/logo.svg"
 html_favicon = "_static/logo.svg"
-html_static_path = ["_static", str(MATHJAX), str(BOOK.parent / "coursekit" / "explore" / "explorer.css")]
-html_css_files = ["explorer.css", "book.css"]
+html_static_path = ["_static", str(MATHJAX), str(BOOK.parent / "coursekit" / "teaching" / "explore" / "explorer.css")]
+html_css_files = ["explorer.css", "icons.css", "book.css", "reference.css"]  # finish.py writes the icons
 html_domain_indices = False
-html_use_index = False
 html_show_sphinx = False
-html_context = {"default_mode": "auto"}
+# The last step belongs to a page: when it changes, every page is written again.
+LAST_STEP = [BOOK / name for name in ("finish.py", "pictures.py", "typeset.js")]
+html_context = {"default_mode": "auto", "finish": sha256(b"".join(path.read_bytes() for path in LAST_STEP)).hexdigest()}
+templates_path = ["_templates"]
 html_theme_options = {
     "navbar_start": [],
     "navbar_center": [],
     "navbar_end": [],
     "navbar_persistent": [],
-    "footer_content_items": ["copyright.html"],
+    "footer_content_items": ["copyright.html", "edition.html"],
     "show_toc_level": 2,
     "home_page_in_toc": True,
     "use_download_button": True,
@@ -78,9 +98,10 @@ html_theme_options = {
     "logo": {"text": "Where Am I?", "alt_text": "Where Am I? The front page"},
 }
 # A published copy knows its repository; a copy on somebody's disk need not.
-if repository := os.environ.get("GITHUB_REPOSITORY"):
+if repository := (course_repository := edition.repository()):
+    html_baseurl = edition.site()
     html_theme_options |= {
-        "repository_url": f"https://github.com/{repository}",
+        "repository_url": repository,
         "use_repository_button": True,
         "use_issues_button": True,
     }

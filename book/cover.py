@@ -8,10 +8,10 @@ from __future__ import annotations
 
 import numpy as np
 
-from coursekit import plotting
-from coursekit.explore import Explorer, Slider, explore
 from coursekit.gaussian import Gaussian, ellipse
 from coursekit.models import DifferentialDrive, RangeBearing
+from coursekit.teaching import plotting
+from coursekit.teaching.explore import Explorer, Slider, explore
 
 DT, STEPS, EVERY = 0.2, 210, 10
 LANDMARKS = {"red": (2.6, 2.0), "green": (4.4, -1.6), "blue": (7.6, 2.7), "cyan": (10.4, -1.6), "magenta": (12.6, 2.6)}
@@ -68,6 +68,7 @@ class Cover:
     def __init__(self) -> None:
         self.path, self.clouds, self.beliefs = drive()
         self.figure = plotting.figure(8.4, 3.7)
+        self.figure.get_layout_engine().set(rect=(0, 0, 1, 0.95))  # the axes fill the height: room for the title
         ax = plotting.axes(self.figure)
         for colour, (x, y) in LANDMARKS.items():
             ax.plot(x, y, "o", ms=11, color=plotting.LANDMARK_COLOURS[colour], mec=plotting.WALL, mew=0.8)
@@ -76,7 +77,7 @@ class Cover:
         (self.way,) = ax.plot([], [], color=plotting.TRUTH, lw=1.3, ls=(0, (4, 2)))
         self.robot = plotting.draw_robot(ax, self.path[0], colour=plotting.TRUTH, size=0.36)
         (self.ring,) = ax.plot([], [], color=plotting.ESTIMATE, lw=2.4, zorder=6)
-        self.title = ax.set_title("", loc="left")
+        self.title = ax.set_title("After", loc="left")  # so that the layout leaves room for it
         ax.set(xlim=(-0.6, 14.4), ylim=(-2.5, 3.3), aspect="equal", xlabel="x [m]", ylabel="y [m]")
         self.moving = [*self.rays, self.dots, self.way, self.robot, self.ring, self.title]
 

@@ -20,9 +20,10 @@ from nbclient.exceptions import CellExecutionError
 from tqdm import tqdm
 from traitlets.config import Config
 
-from coursekit import datasets
+from coursekit.recordings import datasets
 
 ROOT = Path(__file__).resolve().parents[1]
+WIDGET = "application/vnd.jupyter.widget-view+json"
 TIMEOUT = 300  # seconds for one cell; the slowest draws some 150 frames
 # One thread a kernel, since the kernels share the cores; sliders in their published form.
 ENVIRONMENT = {"COURSEKIT_STATIC": "1", "OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1", "PYTHONHASHSEED": "0"}
@@ -76,6 +77,7 @@ def run(notebook: nbformat.NotebookNode, path: Path, progress: tqdm | None = Non
     client = NotebookClient(
         executed,
         timeout=TIMEOUT,
+        record_timing=False,  # one commit gives one page
         kernel_name="python3",
         config=Config(KernelManager={"transport_encryption": "auto"}),
         resources={"metadata": {"path": str(path.parent)}},
@@ -85,6 +87,15 @@ def run(notebook: nbformat.NotebookNode, path: Path, progress: tqdm | None = Non
         client.execute(env=os.environ | ENVIRONMENT)
     except (CellExecutionError, TimeoutError, RuntimeError) as error:
         raise LabFailed(f"{path.name} does not run to its end\n{error}") from error
+    return without_widgets(executed)
+
+
+def without_widgets(executed: nbformat.NotebookNode) -> nbformat.NotebookNode:
+    """The notebook without its kernel's widgets, such as bars: no page shows them, and each run names them anew."""
+    executed.metadata.pop("widgets", None)
+    for cell in executed.cells:
+        if cell.cell_type == "code":
+            cell.outputs = [output for output in cell.outputs if WIDGET not in output.get("data", {})]
     return executed
 
 

@@ -1,15 +1,15 @@
 r"""Lab 2: from a landmark's height and symmetry axis in pixels to its range and bearing.
 
-The camera is level.  Its frame is the robot's: x forward along the optical axis, y left, z up; the picture's u
-runs right and v down, and pixel (0, 0) has its centre at u = v = 0.  What is measured, exactly:
+The camera is level.  Its frame is the robot's: X forward along the optical axis, Y left, Z up; the image's u runs
+right and v down, and pixel (0, 0) has its centre at u = v = 0.  A landmark is an upright cylinder, L metres high, of
+radius ρ; its axis stands at depth X and at the bearing φ_c from the camera.  What is measured, exactly:
 
 ``height_px``
-    from the highest to the lowest point of the landmark's outline.  With the eye between the floor and the
-    landmark's top, both belong to the rim's point of *least depth*, one radius nearer than the axis:
-    height_px = f_y h / (D - r), with D the depth of the axis along x.
+    from the highest to the lowest point of the outline.  With the eye between the floor and the landmark's top, both
+    belong to the rim's point of *least depth*, one radius nearer than the axis: height_px = f_y L / (X - ρ).
 ``axis_px``
-    the column on which the landmark's axis would be drawn: axis_px = c_x - f_x tan φ, with φ the axis' bearing
-    from the camera.  The outline spans the angles φ ± asin(r/ρ), so φ is the mean of the two edges' *angles*.
+    the column on which the landmark's axis would be drawn: axis_px = c_x - f_x tan φ_c.  The outline spans the
+    angles φ_c ± asin(ρ/r_c) at a distance r_c from the camera, so φ_c is the mean of the two edges' *angles*.
 
 Source: Hartley & Zisserman (2004), section 6.1, for the projection; the corrections are derived in Lab 2.
 """
@@ -22,12 +22,15 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coursekit.doors import LARGEST, together
 from coursekit.geometry import Array
 
 
 @dataclass(frozen=True)
 class Camera:
-    """A pinhole without distortion: focal lengths, principal point, picture size, all in pixels.
+    """A pinhole camera without distortion: focal lengths, principal point, image size, all in pixels.
+
+    Points are [X, Y, Z] in the camera's frame (ahead, left, up; metres), pixels are [u, v].
 
     >>> Camera(fx=530, fy=530, cx=319.5, cy=239.5, width=640, height=480).project([4.0, 1.0, 0.3])
     array([187.  , 199.75])
@@ -53,15 +56,15 @@ class Camera:
         object.__setattr__(self, "height", int(self.height))
 
     def project(self, p_camera: ArrayLike) -> Array:
-        """Pixels [u, v] of points [x, y, z] in the camera's frame: (..., 3) metres → (..., 2).
+        """Pixels [u, v] of points [X, Y, Z] in the camera's frame: (..., 3) metres → (..., 2).
 
-        Raises ValueError for points that are not in front of the camera: they have no picture.
+        Raises ValueError for points that are not in front of the camera: they have no image.
         """
         x, y, z = self._in_front(p_camera)
         return np.stack([self.cx - self.fx * y / x, self.cy - self.fy * z / x], axis=-1)
 
     def project_jacobian(self, p_camera: ArrayLike) -> Array:
-        """∂(u, v)/∂(x, y, z): (..., 3) → (..., 2, 3)."""
+        """∂(u, v)/∂(X, Y, Z): (..., 3) → (..., 2, 3).  Raises as ``project``."""
         x, y, z = self._in_front(p_camera)
         zero = np.zeros_like(x)
         du = [self.fx * y / x**2, -self.fx / x, zero]
@@ -69,35 +72,44 @@ class Camera:
         return np.stack([np.stack(du, axis=-1), np.stack(dv, axis=-1)], axis=-2)
 
     def unproject(self, pixels: ArrayLike, depth: ArrayLike) -> Array:
-        """The points [x, y, z] at a depth x behind pixels [u, v]: (..., 2) and (...) → (..., 3)."""
+        """The points [X, Y, Z] at a depth X behind pixels [u, v]: (..., 2) and (...) → (..., 3).
+
+        Raises ValueError for pixels that are not finite, of another shape, and for a depth that is not positive.
+        """
         pixels, x = _finite(pixels, "pixels"), _finite(depth, "depth", positive=True)
         if pixels.ndim == 0 or pixels.shape[-1] != 2:
             raise ValueError(f"pixels: expected shape (..., 2), got {pixels.shape}")
-        y, z = x * (self.cx - pixels[..., 0]) / self.fx, x * (self.cy - pixels[..., 1]) / self.fy
-        return np.stack(np.broadcast_arrays(x, y, z), axis=-1)
+        u, v, x = together(pixels[..., 0], pixels[..., 1], x)
+        return np.stack([x, x * (self.cx - u) / self.fx, x * (self.cy - v) / self.fy], axis=-1)
 
     def bearing(self, u: ArrayLike) -> Array:
-        """The angle, left of the optical axis, of everything drawn in column u.  Radians, any shape."""
-        return np.arctan((self.cx - np.asarray(u, dtype=float)) / self.fx)
+        """The angle, left of the optical axis, of everything drawn in column u.  Radians, any shape.
+
+        Raises ValueError for columns that are not finite.
+        """
+        return np.arctan((self.cx - _finite(u, "u")) / self.fx)
 
     def column(self, bearing: ArrayLike) -> Array:
-        """The column u of everything at an angle in (-π/2, π/2) left of the optical axis: undoes ``bearing``."""
-        bearing = np.asarray(bearing, dtype=float)
+        """The column u of everything at an angle left of the optical axis, radians, any shape: undoes ``bearing``.
+
+        Raises ValueError for an angle outside (-π/2, π/2): nothing there is in front of the camera.
+        """
+        bearing = _finite(bearing, "bearing")
         if not np.all(np.abs(bearing) < np.pi / 2):
             raise ValueError(f"bearing: expected angles in (-π/2, π/2), in front of the camera, got {bearing}")
         return self.cx - self.fx * np.tan(bearing)
 
     def _in_front(self, p_camera: ArrayLike) -> tuple[Array, Array, Array]:
-        p = np.asarray(p_camera, dtype=float)
+        p = _finite(p_camera, "p_camera")
         if p.ndim == 0 or p.shape[-1] != 3:
             raise ValueError(f"p_camera: expected points of shape (..., 3), got {p.shape}")
-        if not (np.all(np.isfinite(p)) and np.all(p[..., 0] > 0)):
+        if not np.all(p[..., 0] > 1 / LARGEST):
             raise ValueError(f"p_camera: expected finite points with x > 0, in front of the camera, got {p}")
         return p[..., 0], p[..., 1], p[..., 2]
 
 
 class CylinderPixels(NamedTuple):
-    """What a cylinder leaves in the picture, in pixels.  The height and the axis are ``range_bearing``'s input."""
+    """What a cylinder leaves in the image, in pixels.  The height and the axis are ``range_bearing``'s input."""
 
     height_px: Array
     axis_px: Array
@@ -115,21 +127,26 @@ def range_bearing(
 ) -> tuple[Array, Array]:
     r"""Range and bearing of an upright cylinder's axis, from the robot's centre.
 
-    The rim's nearest point has depth f_y h / height_px, the axis one radius more, the robot's centre another
-    ``camera_offset`` more; the ratio y/x of the axis *seen from the camera* is (c_x - axis_px)/f_x.
+    The rim's nearest point has depth f_y L / height_px, the axis one radius ρ more: X.  The axis is
+    Y = X (c_x - axis_px)/f_x to the left.  From the robot's centre, o metres behind the camera,
+
+        r = √((X + o)² + Y²),   φ = atan2(Y, X + o).
 
     Parameters
     ----------
     height_px, axis_px : pixels, see the top of this module.  All arguments broadcast.
-    landmark_height, radius : of the cylinder, metres.  Radius 0 leaves out the near-rim correction, and the
-        range of a cylinder seen at bearing φ comes out r / cos φ short.
-    camera_offset : how far ahead of the robot's centre the camera stands, metres.
+    landmark_height, radius : L and ρ of the cylinder, metres.  Radius 0 leaves out the near-rim correction, and
+        the range of a cylinder seen at bearing φ comes out ρ / cos φ short.
+    camera_offset : o, how far ahead of the robot's centre the camera stands, metres.
 
     Returns range (metres) and bearing (radians, positive to the left), each in the inputs' broadcast shape.
-    Raises ValueError for heights that are not positive and for anything not finite.
+    Raises TypeError for a camera that is no ``Camera``, ValueError for heights that are not positive, a negative
+    radius, and anything not finite.
 
-    >>> d, theta = range_bearing(53.0, 319.5, COURSE_CAMERA, landmark_height=0.5, radius=0.1, camera_offset=0.07)
-    >>> round(float(d), 3), float(theta)
+    Source: derived in Lab 2; the projection is Hartley & Zisserman (2004), section 6.1.
+
+    >>> r, phi = range_bearing(53.0, 319.5, COURSE_CAMERA, landmark_height=0.5, radius=0.1, camera_offset=0.07)
+    >>> round(float(r), 3), float(phi)
     (5.17, 0.0)
     """
     x, y, _, _ = _axis_position(height_px, axis_px, camera, landmark_height, radius, camera_offset)
@@ -144,7 +161,14 @@ def range_bearing_jacobian(
     radius: ArrayLike = 0.0,
     camera_offset: ArrayLike = 0.0,
 ) -> Array:
-    """∂(range, bearing)/∂(height_px, axis_px), (..., 2, 2): what one pixel of error does.  As ``range_bearing``."""
+    """∂(range, bearing)/∂(height_px, axis_px), (..., 2, 2): what one pixel of error does.
+
+    Parameters and errors as for ``range_bearing``; rows in m/px and rad/px.
+
+    >>> J = range_bearing_jacobian(53.0, 319.5, COURSE_CAMERA, landmark_height=0.5)
+    >>> np.diagonal(J).round(4)                         # 5 m ahead: 9 cm a pixel of height, 2 mrad a column
+    array([-0.0943, -0.0019])
+    """
     x, y, dx_dheight, t = _axis_position(height_px, axis_px, camera, landmark_height, radius, camera_offset)
     dy_dheight = t * dx_dheight
     dy_daxis = -(x - np.asarray(camera_offset, dtype=float)) / camera.fx
@@ -162,13 +186,19 @@ def project_cylinder(
     radius: ArrayLike = 0.0,
     camera_offset: ArrayLike = 0.0,
 ) -> CylinderPixels:
-    """The picture of an upright cylinder at a range and bearing from the robot's centre: undoes ``range_bearing``.
+    """The image of an upright cylinder at a range and bearing from the robot's centre: undoes ``range_bearing``.
 
-    Nothing is clipped: columns may lie outside the picture.  Raises ValueError where the cylinder is not wholly
-    in front of the camera.
+    Nothing is clipped: columns may lie outside the image.  All arguments broadcast; metres and radians in, pixels
+    out.  Raises TypeError for a camera that is no ``Camera``, ValueError where the cylinder is not wholly in front of
+    the camera, and for anything not finite.
+
+    >>> seen = project_cylinder(5.17, 0.0, COURSE_CAMERA, landmark_height=0.5, radius=0.1, camera_offset=0.07)
+    >>> round(float(seen.height_px), 6), float(seen.axis_px)
+    (53.0, 319.5)
     """
+    _is_camera(camera)
     range_, bearing = _finite(range_, "range_", positive=True), _finite(bearing, "bearing")
-    h, r, offset = _landmark(landmark_height, radius, camera_offset)
+    range_, bearing, h, r, offset = together(range_, bearing, *_landmark(landmark_height, radius, camera_offset))
     x, y = range_ * np.cos(bearing) - offset, range_ * np.sin(bearing)
     if not np.all(x > r):
         raise ValueError(f"expected a cylinder wholly in front of the camera, got its axis at depth {x}, radius {r}")
@@ -190,12 +220,18 @@ def _axis_position(
     camera_offset: ArrayLike,
 ) -> tuple[Array, Array, Array, Array]:
     """The axis [x, y] in the robot's frame, ∂x/∂height_px, and the ratio y/x as the camera sees it."""
+    _is_camera(camera)
     height_px, axis_px = _finite(height_px, "height_px", positive=True), _finite(axis_px, "axis_px")
     h, r, offset = _landmark(landmark_height, radius, camera_offset)
-    height_px, axis_px, h, r, offset = np.broadcast_arrays(height_px, axis_px, h, r, offset)
+    height_px, axis_px, h, r, offset = together(height_px, axis_px, h, r, offset)
     depth = h * camera.fy / height_px + r
     t = (camera.cx - axis_px) / camera.fx
     return depth + offset, depth * t, -h * camera.fy / height_px**2, t
+
+
+def _is_camera(camera: Camera) -> None:
+    if not isinstance(camera, Camera):
+        raise TypeError(f"camera: expected a pinhole.Camera, got {type(camera).__name__}")
 
 
 def _landmark(landmark_height: ArrayLike, radius: ArrayLike, camera_offset: ArrayLike) -> tuple[Array, Array, Array]:
@@ -208,10 +244,13 @@ def _landmark(landmark_height: ArrayLike, radius: ArrayLike, camera_offset: Arra
 def _finite(value: ArrayLike, name: str, *, positive: bool = False) -> Array:
     wanted = f"{name}: expected finite{' positive' if positive else ''} numbers, got "
     try:
-        array = np.asarray(value, dtype=float)
-    except (TypeError, ValueError):
+        array = np.asarray(value)
+        array = array.astype(float, copy=False) if array.dtype.kind in "biuf" else np.full(1, np.nan)
+    except ValueError:
         raise ValueError(f"{wanted}{value!r}") from None
-    bad = ~np.isfinite(array) | ((array <= 0) if positive else False)
+    if np.asarray(value).dtype.kind not in "biuf":
+        raise ValueError(f"{wanted}{value!r}")
+    bad = ~(np.abs(array) < LARGEST) | ((array <= 1 / LARGEST) if positive else False)
     if np.any(bad):
         where = f" (entry {tuple(int(i) for i in np.argwhere(bad)[0])} of shape {array.shape})" if array.ndim else ""
         raise ValueError(f"{wanted}{array[bad].flat[0]}{where}")
@@ -220,4 +259,4 @@ def _finite(value: ArrayLike, name: str, *, positive: bool = False) -> Array:
 
 COURSE_CAMERA = Camera(fx=530.0, fy=530.0, cx=319.5, cy=239.5, width=640, height=480)
 """The camera of every lab: 640 × 480 pixels and, but for half a pixel, the focal length at which every height in the
-report's log is a whole number; it sees 0.54 rad to either side."""
+report's log is a whole number of pixels; it sees 0.54 rad to either side."""

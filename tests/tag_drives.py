@@ -6,12 +6,12 @@ from functools import lru_cache
 
 import numpy as np
 
-from coursekit.association import Association, Mahalanobis
 from coursekit.gaussian import Gaussian, mahalanobis_squared
 from coursekit.geometry import Array, between, inverse, transform
-from coursekit.models import CreepingWheels, pose_residual
+from coursekit.models import SlippingWheels, pose_residual
 from coursekit.pinhole import COURSE_CAMERA
 from coursekit.slam import EkfSlam
+from coursekit.slam.association import Association, Mahalanobis
 from coursekit.world.arena import Arena
 from coursekit.world.camera import CAMERA_HEIGHT, CAMERA_OFFSET, mounted, render
 from coursekit.world.pilot import Pilot, drive, octagon, square
@@ -20,8 +20,8 @@ from coursekit.world.tags import EXPOSURE, detect, measure, measurement_cov, qua
 
 ARENA = Arena.load("tags")
 PERIOD = 0.4  # s from picture to picture
-# The world's own wheels.  What the physics adds to them is nothing: see test_creeping_wheels_predict_… in test_motion.
-MOTION = CreepingWheels(sigma_slip=(1e-5, 1e-5, 1e-5))
+# The world's own wheels.  What the physics adds to them is nothing: see test_slipping_wheels_predict_… in test_motion.
+MOTION = SlippingWheels(sigma_pose=(1e-5, 1e-5, 1e-5))
 
 
 @dataclass(frozen=True, eq=False)

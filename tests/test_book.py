@@ -4,6 +4,7 @@ import base64
 import io
 import re
 import runpy
+import shutil
 import sys
 from pathlib import Path
 
@@ -12,15 +13,20 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from coursekit.explore import sweep
-from tests import labs
+from coursekit.teaching.explore import sweep
+from tests import notebooks
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "book"))
 sys.path.insert(0, str(Path(__file__).parent.parent / "book" / "_ext"))
+sys.path.insert(0, str(Path(__file__).parent.parent / "tools"))
 import build
+import citations
 import cover
 import execute
 import explorers
+import finish
+import pictures
+from reference import api, gallery
 
 BOOK = Path(__file__).parent.parent / "book"
 BIBLIOGRAPHY = [BOOK / "references.bib", *sorted((BOOK / "references").glob("*.bib"))]
@@ -41,8 +47,8 @@ def notebook(*cells):
 
 
 EXPLORER = """
-from coursekit import plotting
-from coursekit.explore import Slider, explore
+from coursekit.teaching import plotting
+from coursekit.teaching.explore import Slider, explore
 
 def scene(height, sign):
     fig = plotting.figure(2, 1.5)
@@ -83,30 +89,30 @@ def test_everything_that_the_pages_load_exists_here(conf):
     served = [BOOK / path for path in conf["html_static_path"]]
     assert all(path.exists() for path in served)
     names = {path.name for path in served} | {path.name for path in (BOOK / "_static").iterdir()}
-    assert {conf["mathjax_path"], *conf["html_css_files"]} <= names
+    assert {conf["mathjax_path"], *conf["html_css_files"]} - {"icons.css"} <= names, "the last step makes the icons"
     assert (BOOK / conf["html_logo"]).exists()
 
 
 def test_every_key_that_is_cited_has_an_entry():
-    pages = [p.read_text(encoding="utf-8") for p in [*BOOK.glob("*.md"), *labs.NOTEBOOKS]]
+    pages = [p.read_text(encoding="utf-8") for p in [*BOOK.glob("*.md"), *notebooks.NOTEBOOKS, *notebooks.OPTIONAL]]
     roles = re.findall(r"\{cite(?::\w+)?\}`([^`]+)`", "\n".join(pages))
     cited = {key.strip() for role in roles for key in role.split(",")}
     assert cited
-    assert cited <= set(build.bibliography(BIBLIOGRAPHY).entries)
+    assert cited <= set(citations.bibliography(BIBLIOGRAPHY).entries)
 
 
 def test_one_key_for_two_sources_is_refused_and_the_same_source_twice_is_not(tmp_path):
     entry = "@book{{thrun2005, title = {{{}}}, author = {{A}}, year = {{2005}}, publisher = {{P}}}}"
     for name, title in [("a", "Probabilistic Robotics"), ("b", "Probabilistic Robotics"), ("c", "Another Book")]:
         (tmp_path / f"{name}.bib").write_text(entry.format(title))
-    assert list(build.bibliography([tmp_path / "a.bib", tmp_path / "b.bib"]).entries) == ["thrun2005"]
+    assert list(citations.bibliography([tmp_path / "a.bib", tmp_path / "b.bib"]).entries) == ["thrun2005"]
     with pytest.raises(ValueError, match=r"c\.bib.*thrun2005"):
-        build.bibliography([tmp_path / "a.bib", tmp_path / "c.bib"])
+        citations.bibliography([tmp_path / "a.bib", tmp_path / "c.bib"])
 
 
 def test_the_front_page_has_a_card_for_every_lab():
-    cards = set(re.findall(r"^(\d\d_\w+):", (BOOK / "index.md").read_text(encoding="utf-8"), re.M))
-    assert {path.stem for path in labs.NOTEBOOKS} <= cards
+    cards = set(re.findall(r"^(\d\d\w+):", (BOOK / "index.md").read_text(encoding="utf-8"), re.M))
+    assert {path.stem for path in [*notebooks.NOTEBOOKS, *notebooks.OPTIONAL]} <= cards
 
 
 def test_the_explorer_on_the_front_page_survives_a_sweep():
@@ -129,13 +135,13 @@ def test_the_explorer_on_the_front_page_shows_what_its_words_say():
 @pytest.fixture
 def house(tmp_path):
     """A folder with a package and data of its own, to change without harm."""
-    for name in ["coursekit/a.py", "coursekit/scenes/b.py", "data/log.csv", "requirements.lock"]:
+    for name in ["coursekit/a.py", "coursekit/labs/b.py", "data/log.csv", "requirements.lock"]:
         (tmp_path / name).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / name).write_text("1")
     return tmp_path
 
 
-@pytest.mark.parametrize("name", ["coursekit/a.py", "coursekit/scenes/b.py", "data/log.csv", "requirements.lock"])
+@pytest.mark.parametrize("name", ["coursekit/a.py", "coursekit/labs/b.py", "data/log.csv", "requirements.lock"])
 def test_a_lab_is_stale_when_the_package_the_data_or_the_lock_changes(house, name):
     lab = notebook(code("a = 1"))
     before = execute.key(lab, execute.surroundings(house))
@@ -184,6 +190,17 @@ def test_a_lab_is_run_once_with_static_sliders_and_kept(house, monkeypatch):
     assert second.cells[1].source == "Two." and second.cells[0].outputs == first.cells[0].outputs
 
 
+@pytest.mark.slow  # it scores a project twice
+def test_a_lab_that_is_run_twice_is_the_same_to_the_last_byte(house):
+    lab = notebook(
+        code("from coursekit.teaching import exercises\nfrom tqdm.auto import tqdm"),
+        code("for _ in tqdm(range(3)): pass"),
+        code("from coursekit.labs.lab00.project import PROJECT\nexercises.score('lab00', PROJECT.reference, runs=1)"),
+    )
+    first, second = (nbformat.writes(execute.run(lab, house / "01_lab.ipynb")) for _ in range(2))
+    assert first == second and "100 of 100" in first
+
+
 def test_a_lab_that_raises_is_named_with_its_error_and_what_succeeded_is_kept(house):
     good, bad = house / "01_good.ipynb", house / "02_bad.ipynb"
     nbformat.write(notebook(code("1 + 1")), good)
@@ -218,8 +235,50 @@ def test_other_pictures_on_a_page_are_left_as_they_are(tmp_path):
     assert list(tmp_path.iterdir()) == []
 
 
+# --- the last step -------------------------------------------------------------------------------------------
+
+
+def test_lines_on_white_are_a_drawing_and_a_camera_image_or_a_map_of_colours_is_not():
+    rng = np.random.default_rng(3)
+    paper = np.full((160, 240, 3), 255, np.uint8)
+    paper[40:43, 20:200] = [0, 114, 178]
+    assert pictures.is_drawing(Image.fromarray(paper))
+    paper[:, 150:] = rng.integers(0, 240, (160, 90, 3))
+    assert not pictures.is_drawing(Image.fromarray(paper))
+    assert not pictures.is_drawing(Image.fromarray(np.full((160, 240, 3), 90, np.uint8)))
+
+
+def test_the_policy_names_the_scripts_of_a_page_by_their_digests_and_changes_with_them():
+    page = '<meta charset="utf-8" /><script>a()</script><script type="application/json">{}</script><p onclick="b()">'
+    one, other = finish.policy(page), finish.policy(page.replace("a()", "c()"))
+    assert one.count("'sha256-") == 2 and "'unsafe-hashes'" in one and "'unsafe-inline'" not in one.split(";")[1]
+    assert one != other
+    assert finish.FINISHED in finish.close(page)
+
+
+def test_folds_keep_their_words_and_ids_come_once():
+    page = (
+        '<title>A &#8212; A</title></head><summary aria-label="Toggle hidden content"><p class="x">Show</p></summary>'
+    )
+    page += '<p id="a"></p><p id="a"></p><style>.g {}</style><style>.g {}</style>'
+    mended = finish.mend(page)
+    assert '<summary><span class="x">Show</span></summary>' in mended and "<title>A</title>" in mended
+    assert 'id="a"' in mended and 'id="a-2"' in mended
+    assert mended.count("<style>") == 1 and mended.index("<style>") < mended.index("</head>")
+
+
+@pytest.mark.skipif(shutil.which("node") is None, reason="without Node.js the reader's browser typesets the formulas")
+def test_formulas_are_typeset_when_the_book_is_built_and_a_mistake_in_one_stops_it(conf):
+    page = r'<head></head><body><span class="math notranslate">\(%s\)</span>'
+    (done,) = finish.typeset({Path("a"): page % r"\sigma &lt; 1"}, conf["MATHJAX"].parent).values()
+    assert "<mjx-container" in done and r"\(" not in done and "<mo>&lt;</mo>" in done
+    with pytest.raises(ValueError, match=r"does not understand \\sgima"):
+        finish.typeset({Path("a"): page % r"\sgima"}, conf["MATHJAX"].parent)
+
+
 # --- one tiny page, all the way -----------------------------------------------------------------------------
 
+MARKED = "### BEGIN SOLUTION\n    return r**2 / (h * f) * sigma_px\n    ### END SOLUTION"
 one_site = pytest.mark.xdist_group("the tiny site")
 
 
@@ -229,18 +288,21 @@ def tiny_site(tmp_path_factory):
     root = tmp_path_factory.mktemp("site")
     lab = notebook(
         prose("# Lab 2 · Range\n\nWord: parallax. See [the notation](../book/notation.md).\n\n$$ r = d $$ (eq-tiny)"),
+        prose("## A part\n\nA covariance, and the covariance again."),
         code(EXPLORER + "level"),
         prose("```{exercise} Twice (easy)\n:label: ex-tiny\nWrite it.\n```"),
         code("def twice(x):\n    ### BEGIN SOLUTION\n    return 2 * x\n    ### END SOLUTION", ["exercise-solution"]),
         code("assert twice(1) == 2\nprint('checked')", ["check"]),
     )
     next_lab = notebook(
-        prose("# Lab 3 · Noise\n\nAfter [Lab 2](02_range_and_bearing.ipynb)."),
+        prose("# Lab 3 · Noise\n\nAfter [Lab 2](02_range_and_bearing.ipynb), {eq}`eq-tiny`."),
         code(
             "from coursekit import plotting\nplotting.use_style()\nfig = plotting.figure(2, 1)\nfig.subplots()\nfig",
             mystnb={"image": {"alt": "Empty axes."}},
         ),
         prose("```{exercise} Thrice (easy)\n:label: ex-thrice\nWrite it.\n```"),
+        code(f"def sigma(r, sigma_px, h, f):\n    {MARKED}", ["exercise-solution"]),
+        code('from coursekit import exercises\nexercises.check("lab03.range_sigma", sigma)', ["check"]),
     )
     (root / "notebooks").mkdir()
     nbformat.write(lab, root / "notebooks" / "02_range_and_bearing.ipynb")
@@ -249,12 +311,41 @@ def tiny_site(tmp_path_factory):
     (root / "build" / "html" / "notebooks" / "02_old_name.html").write_text("gone")
     with pytest.MonkeyPatch.context() as patch:
         patch.delenv("CI", raising=False)
+        patch.delenv("GITHUB_REPOSITORY", raising=False)
         patch.setattr(build, "BUILD", root / "build")
         patch.setattr(build, "SOURCE", root / "build" / "source")
         patch.setattr(build, "HTML", root / "build" / "html")
+        patch.setattr(api, "ROOMS", {"ekf": ["ekf"]})
+        patch.setattr(gallery, "drawn", lambda *_: (BOOK / "_static" / "readme.png").read_bytes())
         patch.setattr(build, "labs", lambda only=None: sorted((root / "notebooks").glob("*.ipynb")))
+        (root / "pyodide").mkdir()
+        (root / "pyodide" / "pyodide.mjs").write_bytes(b"3 MB of Python")
+        patch.setattr(build.engine, "fetch", lambda: root / "pyodide")
         assert build.main(["--jobs", "1"]) == 0
     return root / "build" / "html"
+
+
+@one_site
+def test_a_term_in_a_lab_leads_to_its_entry_in_the_glossary(tiny_site):
+    page = (tiny_site / "notebooks" / "02_range_and_bearing.html").read_text()
+    (link,) = re.findall(r'<a class="term[^>]*>covariance</a>', page)
+    anchor = re.search(r'href="\.\./glossary\.html#([^"]+)"', link)[1]
+    assert f'id="{anchor}"' in (tiny_site / "glossary.html").read_text()
+    assert "how errors go together" in link
+
+
+@one_site
+def test_a_number_that_is_counted_on_another_page_says_on_which(tiny_site):
+    assert "Lab 2 (1)" in (tiny_site / "notebooks" / "03_noise_model.html").read_text()
+
+
+@one_site
+def test_an_entry_of_the_package_leads_to_its_source_and_stands_in_the_index(tiny_site):
+    page = (tiny_site / "api" / "ekf.html").read_text()
+    source, anchor = re.search(r'href="\.\./(_modules/[^"#]+)#([^"]+)"', page).groups()
+    assert f'id="{anchor}"' in (tiny_site / source).read_text()
+    index = (tiny_site / "genindex.html").read_text()
+    assert "api/ekf.html#coursekit.ekf.filter.predict" in index and "glossary.html#term-" in index
 
 
 @one_site
@@ -276,8 +367,23 @@ def test_no_page_loads_anything_from_elsewhere(tiny_site):
 @one_site
 def test_solutions_and_checks_are_folded_under_names_of_their_own(tiny_site):
     page = (tiny_site / "notebooks" / "02_range_and_bearing.html").read_text()
-    folded = dict(re.findall(r"<details.*?(Show [\w ]+)</p>(.*?)</details>", page, re.S))
+    folded = dict(re.findall(r"<details.*?(Show [\w ]+)</span>(.*?)</details>", page, re.S))
     assert "return" in folded["Show a solution"] and "checked" in folded["Show the check"]
+
+
+@one_site
+def test_an_exercise_is_answered_on_its_page_and_only_such_a_page_loads_the_editor(tiny_site):
+    with_check, without = (
+        (tiny_site / "notebooks" / f"{name}.html").read_text("utf-8")
+        for name in ("03_noise_model", "02_range_and_bearing")
+    )
+    assert 'data-check="lab03.range_sigma" data-function="sigma"' in with_check
+    editor = with_check[with_check.index("<textarea") : with_check.index("</textarea>")]
+    assert "raise NotImplementedError" in editor and "sigma_px\n" not in editor
+    assert "answers.js" in with_check and "answers.css" in with_check
+    assert "answers.js" not in without and "answers.css" not in without
+    python = tiny_site / "_static" / "python"
+    assert {path.name for path in python.iterdir()} == {"pyodide.mjs", "worker.js", "engine.js", "checks.zip"}
 
 
 @one_site
@@ -308,9 +414,32 @@ def test_a_lab_that_was_renamed_leaves_no_page(tiny_site):
 
 
 @one_site
-def test_what_a_reader_downloads_has_no_outputs(tiny_site):
-    lab = nbformat.read(tiny_site / "_sources" / "notebooks" / "02_range_and_bearing.ipynb", as_version=4)
-    assert all(not cell.get("outputs") for cell in lab.cells)
+def test_a_reader_downloads_the_lab_to_fill_in_or_the_solved_one(tiny_site):
+    page = tiny_site / "notebooks" / "02_range_and_bearing.html"
+    menu = re.search(r'dropdown-download-buttons">.*?</ul>', page.read_text(), re.S)[0]
+    links = dict(zip(re.findall(r'text-container">([^<]+)', menu), re.findall(r'<a href="([^"]+)"', menu)))
+    assert list(links) == ["Lab to fill in", "Solved lab"]
+    to_fill_in, solved = (nbformat.read(page.parent / link, as_version=4) for link in links.values())
+    for lab in (to_fill_in, solved):
+        assert all(not cell.get("outputs") for cell in lab.cells)
+    assert "2 * x" not in nbformat.writes(to_fill_in) and "your lines here" in nbformat.writes(to_fill_in)
+    assert "2 * x" in nbformat.writes(solved) and "(solved)" in solved.cells[0].source
+
+
+@one_site
+def test_no_other_file_of_the_site_is_a_notebook_with_solutions(tiny_site):
+    assert {path.name for path in tiny_site.rglob("*.ipynb") if "2 * x" in path.read_text()} == {
+        "02_range_and_bearing.solved.ipynb"
+    }
+
+
+@one_site
+def test_each_page_names_its_edition_and_none_needs_a_repository(tiny_site):
+    for page in [*tiny_site.glob("*.html"), *(tiny_site / "notebooks").glob("*.html")]:
+        text = page.read_text()
+        assert re.search(r'<p class="edition">Version \d+\.\d+\.\d+', text), page.name
+        assert "mybinder.org/v2" not in text and "colab.research" not in text
+    assert '"here": "v' in (tiny_site / "versions.json").read_text()
 
 
 @one_site

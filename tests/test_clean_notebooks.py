@@ -27,9 +27,22 @@ def test_what_the_book_reads_stays_and_the_rest_goes(used):
     fresh = tool.clean(used)
     assert [c.source for c in fresh.cells] == ["# Lab 1", "fig"]
     assert fresh.cells[1].outputs == [] and fresh.cells[1].execution_count is None
-    assert set(fresh.cells[1].metadata) == {"tags", "mystnb"}
+    assert set(fresh.cells[1].metadata) == {"tags", "mystnb", "jupyter"}
     assert fresh.metadata == tool.METADATA
     assert used.cells[1].outputs, "the notebook that was given must not change"
+
+
+@pytest.mark.parametrize("tag", ["hide-input", "check", "exercise-solution"])
+def test_a_cell_that_the_book_folds_is_folded_in_jupyterlab_and_no_other(tag):
+    v4, folded = nbformat.v4, {"source_hidden": True}
+    cells = [
+        v4.new_code_cell("a", metadata={"tags": [tag], "jupyter": {"outputs_hidden": True}}),
+        v4.new_code_cell("b", metadata={"jupyter": dict(folded)}),
+        v4.new_markdown_cell("c", metadata={"tags": [tag]}),
+    ]
+    fresh = tool.clean(v4.new_notebook(cells=cells)).cells
+    assert fresh[0].metadata.jupyter == {"outputs_hidden": True} | folded
+    assert "jupyter" not in fresh[1].metadata and "jupyter" not in fresh[2].metadata
 
 
 def test_cleaning_twice_changes_nothing_more_and_keeps_the_ids(used):

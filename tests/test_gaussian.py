@@ -26,7 +26,8 @@ def test_a_belief_is_a_copy_that_nobody_can_change():
 @pytest.mark.parametrize(
     ("mean", "cov", "complaint"),
     [
-        ([[0.0]], [[1.0]], r"mean: expected a vector"),
+        (0.0, [[1.0]], r"mean: expected a vector"),
+        ([[0.0]], [[1.0]], r"cov: expected shape \(1, 1, 1\), got \(1, 1\)"),
         ([0.0, np.nan], np.eye(2), "mean: expected finite"),
         ([0.0, 0.0], np.eye(3), r"cov: expected shape \(2, 2\), got \(3, 3\)"),
         ([0.0, 0.0], [[1.0, np.inf], [np.inf, 1.0]], "cov: expected finite"),
@@ -122,8 +123,85 @@ def test_the_lower_triangle_does_not_fool_the_covariance_check():
         gaussian.check_covariance([[1.0, 5.0], [0.0, 1.0]])
 
 
+def test_a_covariance_without_a_margin_is_refused_whatever_rounding_says():
+    """Rank 2 of 3 at 300 random scales: Cholesky's factor exists by luck for some of them."""
+    rng = np.random.default_rng(8)
+    for _ in range(300):
+        A = rng.normal(size=(3, 2)) * 10.0 ** rng.uniform(-4, 4, (3, 1))
+        with pytest.raises(ValueError, match="positive definite"):
+            gaussian.check_covariance(A @ A.T)
+
+
+def test_units_do_not_count_against_the_margin():
+    gaussian.check_covariance(np.diag([1e-30, 1.0, 1e30]))
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: gaussian.nis([1.0, 2.0], np.zeros((2, 2))), "innovation_cov: expected a positive definite"),
+        (lambda: gaussian.nis([1.0, 2.0], np.ones((2, 2))), "innovation_cov: expected a positive definite"),
+        (lambda: gaussian.nis([1.0, np.nan], np.eye(2)), "innovation: expected finite"),
+        (lambda: gaussian.nis([1.0], np.eye(2)), r"innovation_cov: expected shape \(1, 1\)"),
+        (lambda: gaussian.nees(Gaussian([0.0, 1.0], np.eye(2)), [0.0, 1.0], lambda a, b: 0.0), "residual: expected sh"),
+    ],
+)
+def test_a_normalised_square_names_what_was_wrong(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()
+
+
 @pytest.mark.parametrize("bad", [np.nan, np.inf, 0])
 def test_a_band_asks_for_numbers_of_freedoms_and_runs_that_can_be(bad):
     for arguments in ((bad, 1), (3, bad)):
         with pytest.raises(ValueError, match="expected dof ≥ 1 and runs ≥ 1"):
             chi2_band(*arguments)
+
+
+def margin(cov):
+    """The smallest eigenvalue of the correlation matrix, as a share of the largest."""
+    scale = np.sqrt(np.diag(cov))
+    found = np.linalg.eigvalsh(cov / np.outer(scale, scale))
+    return found[0] / found[-1]
+
+
+@pytest.mark.parametrize("share", [1e-12, 1e-6])
+def test_what_rounding_left_without_a_margin_gets_one_in_any_unit(share):
+    """Covariances of six numbers that have one to five degrees of freedom, in units from nm to Mm."""
+    rng = np.random.default_rng(2)
+    for freedoms in (1, 2, 3, 4, 5):
+        A = rng.normal(size=(6, freedoms)) * 10.0 ** rng.uniform(-9, 6, (6, 1))
+        mended = gaussian.with_margin(A @ A.T, share)
+        assert margin(mended) == pytest.approx(share, rel=0.02)
+        np.testing.assert_array_equal(mended, mended.T)
+        # Far above rounding, whoever computes: rounded to single precision it would hardly keep its sign.
+        assert gaussian.check_covariance(mended) == pytest.approx(mended, rel=0)
+        np.testing.assert_allclose(np.diag(mended), np.diag(A @ A.T), rtol=7 * share)
+
+
+def test_the_margin_belongs_to_the_correlations_and_not_to_the_unit():
+    A = np.random.default_rng(3).normal(size=(4, 2))
+    unit = np.array([1e-3, 1.0, 57.3, 1e6])
+    mended = gaussian.with_margin(A @ A.T, 1e-3)
+    np.testing.assert_allclose(
+        gaussian.with_margin(A @ A.T * np.outer(unit, unit), 1e-3), mended * np.outer(unit, unit), rtol=1e-9
+    )
+
+
+def test_a_covariance_with_a_margin_is_left_as_it_is():
+    for cov in (random_covariance(np.random.default_rng(4), 5), np.diag([1e-20, 1.0, 1e20])):
+        np.testing.assert_array_equal(gaussian.with_margin(cov), gaussian.symmetrize(cov))
+
+
+@pytest.mark.parametrize(
+    ("cov", "complaint"),
+    [
+        (np.ones((2, 3)), r"expected shape \(n, n\), got \(2, 3\)"),
+        (np.full((2, 2), np.nan), "expected finite numbers"),
+        (np.diag([1.0, 0.0]), "the variances positive"),
+        ([[1.0, 1.001], [1.001, 1.0]], "expected a covariance up to rounding"),
+    ],
+)
+def test_what_is_no_covariance_by_more_than_rounding_gets_no_margin(cov, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        gaussian.with_margin(cov)

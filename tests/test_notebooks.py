@@ -8,7 +8,7 @@ from pathlib import Path
 import nbformat
 import pytest
 
-from tests import labs
+from tests import notebooks
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "tools"))
 import clean_notebooks
@@ -26,9 +26,10 @@ PARTS = [
     "Exercises",
     "What we learned",
 ]
-TAGS = {"hide-input", "hide-output", "check", "exercise-solution"}
+TAGS = {"beside", "hide-input", "hide-output", "check", "exercise-solution", "project"}
 LINES = 15
-every_lab = pytest.mark.parametrize("path", labs.NOTEBOOKS, ids=lambda p: p.stem)
+every_lab = pytest.mark.parametrize("path", notebooks.NOTEBOOKS, ids=lambda p: p.stem)
+every_notebook = pytest.mark.parametrize("path", [*notebooks.NOTEBOOKS, *notebooks.OPTIONAL], ids=lambda p: p.stem)
 
 
 def cells(path, kind="code"):
@@ -71,7 +72,7 @@ def exercises_of(path):
     ]
 
 
-@every_lab
+@every_notebook
 def test_a_lab_is_committed_without_outputs_counts_or_leftovers(path, capsys):
     assert clean_notebooks.main(["--check", str(path)]) == 0, "run tools/clean_notebooks.py"
     ids = [c.id for c in nbformat.read(path, as_version=4).cells]
@@ -96,7 +97,14 @@ def test_a_lab_has_one_title_with_its_number(path):
     assert title.startswith(f"Lab {int(path.stem[:2])}: ")
 
 
-@every_lab
+@pytest.mark.parametrize("path", notebooks.OPTIONAL, ids=lambda p: p.stem)
+def test_a_second_notebook_says_in_its_title_which_lab_it_takes_further(path):
+    (title,) = headings(path, 1)
+    assert title.startswith(f"Lab {int(path.stem[:2])}, going further: ")
+    assert any(lab.stem[:2] == path.stem[:2] for lab in notebooks.NOTEBOOKS)
+
+
+@every_notebook
 def test_the_first_code_cell_sets_the_style_and_every_generator_has_a_seed(path):
     _, first = cells(path)[0]
     assert "coursekit" in first.source and "plotting.use_style()" in first.source
@@ -106,7 +114,7 @@ def test_the_first_code_cell_sets_the_style_and_every_generator_has_a_seed(path)
         assert "pyplot" not in cell.source, f"cell {i}"
 
 
-@every_lab
+@every_notebook
 def test_cells_stay_short_unless_the_book_folds_them(path):
     long = {
         i: n
@@ -117,12 +125,12 @@ def test_cells_stay_short_unless_the_book_folds_them(path):
     assert not long
 
 
-@every_lab
+@every_notebook
 def test_tags_are_the_ones_that_the_book_knows(path):
     assert {tag for _, cell in cells(path) for tag in tags(cell)} <= TAGS
 
 
-@every_lab
+@every_notebook
 def test_a_picture_is_described_in_words_when_a_cell_says_it_shows_one(path):
     """The build refuses a picture without words; here, words must be words, not a placeholder."""
     for i, cell in cells(path):
@@ -148,16 +156,18 @@ def test_every_exercise_has_a_label_a_difficulty_a_solution_and_a_check(path):
 
 
 @every_lab
-def test_solutions_stand_inside_functions_and_only_in_cells_tagged_so(path):
+def test_solutions_stand_inside_definitions_and_only_in_cells_tagged_so(path):
     for i, cell in cells(path):
         marked = "### BEGIN SOLUTION" in cell.source
         assert marked == ("exercise-solution" in tags(cell)), f"cell {i}"
         if marked:
             kinds = {type(node) for node in ast.parse(cell.source).body}
-            assert kinds <= {ast.FunctionDef, ast.Import, ast.ImportFrom}, f"cell {i}: more than a function"
+            assert kinds <= {ast.FunctionDef, ast.ClassDef, ast.Import, ast.ImportFrom}, (
+                f"cell {i}: more than a definition"
+            )
 
 
 def test_labels_are_not_used_twice_in_the_book():
-    text = "\n".join(cell.source for path in labs.NOTEBOOKS for _, cell in cells(path, "markdown"))
+    text = "\n".join(cell.source for path in notebooks.NOTEBOOKS for _, cell in cells(path, "markdown"))
     found = [a or b for a, b in re.findall(r"^\$\$ *\((\S+)\)|^:label: (\S+)$", text, re.M)]
     assert sorted({label for label in found if found.count(label) > 1}) == []

@@ -35,7 +35,7 @@ def test_range_and_bearing_undo_the_projection_exactly(camera, d, theta, h, r, o
 
 
 @given(cameras, ranges, bearings, st.floats(0.3, 1.0), st.floats(0.02, 0.3), st.floats(0.05, 0.95))
-@settings(max_examples=30, deadline=None)
+@settings(max_examples=30)
 def test_the_projection_is_that_of_the_cylinders_own_points(camera, d, theta, h, r, share):
     """Twenty thousand points of each rim, no formula: height and edges agree to the points' spacing."""
     pixels = project_cylinder(d, theta, camera, h, r)
@@ -213,3 +213,10 @@ def test_a_size_that_comes_as_a_float_becomes_a_whole_number():
     camera = Camera(53.0, 53.0, 32.0, 24.0, 64.0, np.float64(48))
     assert isinstance(camera.width, int) and isinstance(camera.height, int)
     assert camera == Camera(53.0, 53.0, 32.0, 24.0, 64, 48)
+
+
+@pytest.mark.parametrize("camera", ["course", (530, 530, 319.5, 239.5), None])
+def test_what_is_no_camera_is_an_error(camera):
+    for call in (range_bearing, range_bearing_jacobian, project_cylinder):
+        with pytest.raises(TypeError, match=r"camera: expected a pinhole\.Camera, got"):
+            call(50.0, 0.0, camera, 0.5)

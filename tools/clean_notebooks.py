@@ -19,6 +19,8 @@ METADATA = {
 }
 # What the book reads from a cell, and what JupyterLab folds for everybody.
 KEPT = {"tags", "mystnb", "jupyter"}
+SOLUTION_TAG = "exercise-solution"
+FOLDED = {SOLUTION_TAG, "check", "hide-input"}
 
 
 def clean(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
@@ -32,9 +34,19 @@ def clean(notebook: nbformat.NotebookNode) -> nbformat.NotebookNode:
         cell.pop("attachments", None)
         if cell.cell_type == "code":
             cell.outputs, cell.execution_count = [], None
+            fold(cell)
     fresh.nbformat, fresh.nbformat_minor = 4, 5
     _, fresh = nbformat.validator.normalize(fresh)  # cells without an id get one
     return fresh
+
+
+def fold(cell: nbformat.NotebookNode) -> None:
+    """Fold in JupyterLab the code that the book folds, and no other."""
+    editor = {key: value for key, value in cell.metadata.pop("jupyter", {}).items() if key != "source_hidden"}
+    if FOLDED & set(cell.metadata.get("tags", [])):
+        editor["source_hidden"] = True
+    if editor:
+        cell.metadata["jupyter"] = editor
 
 
 def text(notebook: nbformat.NotebookNode) -> str:

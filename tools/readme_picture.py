@@ -11,7 +11,7 @@ from PIL import Image
 
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT))
-from tests import labs  # noqa: E402
+from tests import notebooks  # noqa: E402
 
 SHOWN = {"00": 1, "02": 0, "04": 2, "06": 0}  # which explorer of which lab
 
@@ -19,8 +19,8 @@ SHOWN = {"00": 1, "02": 0, "04": 2, "06": 0}  # which explorer of which lab
 def main():
     pictures = []
     for number, index in SHOWN.items():
-        (path,) = [p for p in labs.NOTEBOOKS if p.stem.startswith(number)]
-        explorer = labs.run(path).explorers[index]
+        (path,) = [p for p in notebooks.NOTEBOOKS if p.stem.startswith(number)]
+        explorer = notebooks.run(path).explorers[index]
         pictures.append(Image.fromarray(explorer.picture(explorer.start)))
     width, height = 760, 440
     sheet = Image.new("RGB", (2 * width, 2 * height), "white")

@@ -11,10 +11,16 @@ from __future__ import annotations
 import base64
 import hashlib
 import re
+import sys
+from io import BytesIO
 from pathlib import Path
 from typing import Any
 
+from PIL import Image
 from sphinx.application import Sphinx
+
+sys.path.insert(0, str(Path(__file__).resolve().parents[1]))
+import pictures
 
 FRAME = re.compile(r"data:image/(webp|png|jpeg);base64,([A-Za-z0-9+/]+=*)")
 EXPLORER = re.compile(r'<div class="explorer".*?</script></div>', re.DOTALL)
@@ -34,8 +40,11 @@ def move_frames(page: str, folder: Path, address: str) -> str:
         return f"{address}/{name}"
 
     def lighten(match: re.Match[str]) -> str:
+        shown = FRAME.search(match[0])
+        drawing = shown is not None and pictures.is_drawing(Image.open(BytesIO(base64.b64decode(shown[2]))))
         explorer = FRAME.sub(move, STYLE.sub("", match[0], count=1))
-        return explorer.replace("<img ", '<img loading="lazy" ', 1)
+        mark = ' class="drawing"' if drawing else ""
+        return explorer.replace("<img ", f'<img{mark} loading="lazy" ', 1)
 
     return EXPLORER.sub(lighten, page)
 

@@ -31,7 +31,7 @@ class LabMap(SphinxDirective):
             name, _, words = line.partition(":")
             document = f"notebooks/{name.strip()}"
             if document in self.env.found_docs:
-                number = int(name.split("_")[0])
+                number = name.strip().split("_")[0].removeprefix("0")  # 0 … 9, and 5b for a second notebook
                 cards += [f":::{{grid-item-card}} Lab {number}", f":link: {document}", ":link-type: doc"]
                 if (Path(self.env.srcdir) / "images" / f"{name.strip()}.webp").exists():
                     cards += [f":img-top: images/{name.strip()}.webp", f":img-alt: The first picture of Lab {number}"]

@@ -20,7 +20,7 @@ def subset_sizes(n: int, smallest: int = 64, growth: int = 8) -> list[int]:
     return sizes[::-1]
 
 
-def spread_out(n: int, size: int) -> np.ndarray:
+def quasi_random_subset(n: int, size: int) -> np.ndarray:
     """``size`` of the indices 0 … n-1, sorted: evenly spread by the golden ratio, so in step with no scanner's rows."""
     if size >= n:
         return np.arange(n)

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coursekit.geometry import Array, is_rotation
-from coursekit.icp.acceleration import Anderson, spread_out, subset_sizes
-from coursekit.icp.fit import KERNELS, Undetermined, rigid
+from coursekit.doors import LARGEST, count, number
+from coursekit.geometry import Array
+from coursekit.icp.acceleration import Anderson, quasi_random_subset, subset_sizes
+from coursekit.icp.checks import check_cloud, check_motion, check_normals
+from coursekit.icp.fit import KERNELS, DegenerateGeometry, rigid
 from coursekit.icp.matching import BruteForce, KdTree, Search
-from coursekit.icp.pairing import Pairing, Step
+from coursekit.icp.pairing import Iteration, Pairing
+from coursekit.icp.soundness import doubts
 from coursekit.icp.surface import normals as estimate_normals
 from coursekit.icp.uncertainty import uncertainty
 
@@ -30,11 +34,13 @@ class Registration:
     rmse : RMS distance of ``matches`` under T_target_source, metres: the pairs within max_distance, of which the
         share ``trim`` is kept.  Infinite when there are none.
     iterations : motions tried.
-    converged : True when the iteration settled *and* the clouds hold the answer; ``reason`` says why, or why not.
+    converged : True when the iteration settled *and* the clouds determine the answer *and* they lie on each other there
+        (see ``soundness``); ``reason`` says why, or why not.
     matches : (m, 2) indices into source and target.
-    history : each ``Step``, the start first.
+    history : each ``Iteration``, the start first.
     covariance : of [x, y, θ] (3, 3), or of [x, y, z, φ] (6, 6) with φ the rotation vector of a further turn in the
-        target's axes; None without pairs.  See ``uncertainty`` for what it leaves out.
+        target's axes; None without pairs.  See ``uncertainty`` for how it is found and what it leaves out.  Of clouds
+        that do not lie on each other it is as large as they are.
     """
 
     T_target_source: Array
@@ -42,7 +48,7 @@ class Registration:
     iterations: int
     converged: bool
     matches: np.ndarray
-    history: tuple[Step, ...] = field(repr=False)
+    history: tuple[Iteration, ...] = field(repr=False)
     reason: str = ""
     covariance: Array | None = field(default=None, repr=False)
 
@@ -55,9 +61,38 @@ class Registration:
         return np.array([T[0, 2], T[1, 2], np.arctan2(T[1, 0], T[0, 0])])
 
 
+@dataclass(frozen=True, eq=False)
+class Target:
+    """A cloud made ready to be aligned to, many times: its points (m, d), its search, and its normals or None.
+
+    >>> room = np.random.default_rng(0).uniform(-2, 2, (200, 2))
+    >>> ready = Target.of(room)
+    >>> align(room - [0.05, 0.0], ready).pose.round(6) + 0.0
+    array([0.05, 0.  , 0.  ])
+    """
+
+    points: Array
+    search: Search
+    normals: Array | None = None
+
+    @classmethod
+    def of(
+        cls, points: ArrayLike, *, metric: str = "point_to_point", search: str = "kdtree",
+        normals: ArrayLike | None = None,
+    ) -> Target:  # fmt: skip
+        """From points (m, d), metres; metric, search and normals as for ``align``, which raises the same errors."""
+        points = check_cloud(points, "target")
+        _check_choice("metric", metric, METRICS)
+        _check_choice("search", search, tuple(SEARCHES))
+        planes = None
+        if metric == "point_to_plane":
+            planes = estimate_normals(points) if normals is None else check_normals(normals, points.shape)
+        return cls(points, SEARCHES[search](points), planes)
+
+
 def align(
     source: ArrayLike,
-    target: ArrayLike,
+    target: ArrayLike | Target,
     *,
     initial: ArrayLike | None = None,
     metric: str = "point_to_point",
@@ -71,7 +106,7 @@ def align(
     normals: ArrayLike | None = None,
     accelerate: bool = False,
 ) -> Registration:
-    r"""The rigid motion that lays ``source`` on ``target``, found from ``initial`` downhill.
+    r"""The rigid motion that takes ``source`` onto ``target``, found by iteration from ``initial``.
 
     Each iteration pairs every source point with its nearest target point and minimises Σ w |q - (R p + t)|² over
     the pairs (or the distances along the target's normals).  It ends in the minimum whose basin holds the start;
@@ -79,7 +114,8 @@ def align(
 
     Parameters
     ----------
-    source, target : (n, d) and (m, d), metres, d = 2 or 3, at least d points each.
+    source, target : (n, d) and (m, d), metres, d = 2 or 3, at least d points each.  A target that many sources are
+        aligned to is made ready once, by ``Target.of``, with its metric, search and normals.
     initial : (d+1, d+1) homogeneous rigid motion to start from; the identity by default.
     metric : "point_to_point", or "point_to_plane": fewer iterations on surfaces, and free to slide along them.
     search : "kdtree" or "brute"; the same pairs, at another price.
@@ -97,63 +133,87 @@ def align(
     Raises ValueError for what cannot be aligned: wrong shapes, NaN, too few points, an ``initial`` that is not rigid,
     an option that does not exist.  What goes wrong on good input is a result, with ``converged=False`` and its reason.
 
-    Source: Besl & McKay (1992); Chen & Medioni (1992); Chetverikov, Stepanov & Krsek (2005) for trimming.
-    """
-    source, target = check_cloud(source, "source"), check_cloud(target, "target")
-    if source.shape[1] != target.shape[1]:
-        raise ValueError(f"expected clouds of one dimension, got source {source.shape} and target {target.shape}")
-    T = np.eye(source.shape[1] + 1) if initial is None else _rigid(initial, source.shape[1])
-    _check_options(metric, search, max_distance, trim, max_iterations, tolerance, kernel, kernel_scale)
-    plane_normals = _normals(normals, target) if metric == "point_to_plane" else None
-    pairing = Pairing(source, target, SEARCHES[search](target), plane_normals, max_distance, trim, kernel, kernel_scale)
+    Source: Besl & McKay (1992); Chen & Medioni (1992); Chetverikov, Svirko, Stepanov & Krsek (2002) for trimming.
 
-    history: list[Step] = []
+    >>> import numpy as np
+    >>> from coursekit.geometry import inverse, transform
+    >>> target = np.random.default_rng(0).uniform(-2, 2, (200, 2))
+    >>> result = align(transform(inverse([0.05, -0.02, 0.03]), target), target)
+    >>> result.converged, result.pose.round(3)
+    (True, array([ 0.05, -0.02,  0.03]))
+    """
+    source = check_cloud(source, "source")
+    _check_options(metric, search, max_distance, trim, max_iterations, tolerance, kernel, kernel_scale)
+    if not isinstance(target, Target):
+        target = Target.of(target, metric=metric, search=search, normals=normals)
+    if source.shape[1] != target.points.shape[1]:
+        raise ValueError(
+            f"expected clouds of one dimension, got source {source.shape} and target {target.points.shape}"
+        )
+    if not isinstance(accelerate, (bool, np.bool_)):
+        raise TypeError(f"accelerate: expected True or False, got {accelerate!r}")
+    T = _start(initial, source.shape[1])
+    pairing = Pairing(source, target.points, target.search, target.normals, max_distance, trim, kernel, kernel_scale)
+
+    history: list[Iteration] = []
     sizes = subset_sizes(len(source)) if accelerate else [len(source)]
     for size in sizes:
-        subset = spread_out(len(source), size)
-        settled, reason = descend(pairing, T, subset, history, max_iterations, tolerance, accelerate)
+        subset = quasi_random_subset(len(source), size)
+        settled, reason = iterate(pairing, T, subset, history, max_iterations, tolerance, accelerate)
         T = history[-1].T_target_source
     end, covariance = history[-1], None
     if settled and any(2 * step.tied > len(step.matches) for step in history):
         settled, reason = False, "settled, but most points once stood halfway between two: the clouds are too symmetric"
     if len(end.matches) >= source.shape[1]:
         covariance, free = uncertainty(
-            T, source, target, end.matches, metric=metric, normals=plane_normals, tree=pairing.search.tree
-        )
-        if settled and free:
-            settled, reason = False, "settled, but the clouds do not hold the answer: it " + ", ".join(free)
+            T, source, target.points, end.matches,
+            metric=metric, max_distance=max_distance, normals=target.normals, tree=target.search.tree,
+        )  # fmt: skip
+        doubt = doubts(T, source, target.points, end.matches, target.search.tree)
+        if settled and (free or doubt):
+            open_ways = "the clouds do not determine the answer: it " + ", ".join(free)
+            settled, reason = False, "settled, but " + (open_ways if free else doubt)
+        if doubt:  # the pairs say nothing, so the answer is as unsure as the cloud is large
+            covariance = _unknown(source, covariance)
     iterations = len(history) - len(sizes)
     return Registration(T, end.rmse, iterations, settled, end.matches, tuple(history), reason, covariance)
 
 
-def descend(
-    pairing: Pairing, T: Array, subset: np.ndarray, history: list[Step], limit: int, tolerance: float, accelerate: bool
-) -> tuple[bool, str]:
+def iterate(
+    pairing: Pairing,
+    T: Array,
+    subset: np.ndarray,
+    history: list[Iteration],
+    limit: int,
+    tolerance: float,
+    accelerate: bool,
+) -> tuple[bool, str]:  # fmt: skip
     """Iterate on a subset of the source until nothing changes; every step goes into ``history``."""
     cloud = pairing.source[subset]
     still = tolerance * float(np.sqrt(np.mean(np.sum((cloud - cloud.mean(axis=0)) ** 2, axis=1))))
     sampled = len(subset) < len(pairing.source)
     mixing = Anderson(cloud)
-    now = pairing.look(T, subset)
+    now = pairing.match(T, subset)
     history.append(now)
     best, patience, change = now, PATIENCE, np.inf
     for _ in range(limit):
         if len(now.matches) == 0:
             return False, f"no target point within max_distance = {pairing.reach:g} m of any source point"
         try:
-            fitted = pairing.fit(now)
-        except Undetermined as why:
+            fitted = pairing.estimate(now)
+        except DegenerateGeometry as why:
             return False, str(why)
         length = mixing.step_length(now.T_target_source, fitted)
         if sampled and length <= 0.1 * now.rmse / np.sqrt(len(now.matches)):
             return True, "settled as far as a subset can tell"
-        ahead = pairing.look(mixing.propose(now.T_target_source, fitted) if accelerate else fitted, subset)
+        ahead = pairing.match(mixing.propose(now.T_target_source, fitted) if accelerate else fitted, subset)
         if accelerate and ahead.cost > now.cost:  # the safeguard: looking ahead may help, never harm
             mixing.forget()
-            ahead = pairing.look(fitted, subset)
+            ahead = pairing.match(fitted, subset)
         history.append(ahead)
         before, now = now, ahead
-        best, patience = (now, PATIENCE) if now.cost < best.cost else (best, patience - 1)
+        patience = PATIENCE if now.cost < (1 - 1e-12) * best.cost else patience - 1  # a gain by rounding is none
+        best = min(best, now, key=lambda step: step.cost)
         change = abs(now.rmse - before.rmse)
         # A fit that moves the cloud by `length` lowers the squared RMSE of its pairs by length²: both must be still.
         if change <= still and len(now.matches) == len(before.matches) and length**2 <= (2 * now.rmse + still) * still:
@@ -164,59 +224,40 @@ def descend(
     return False, f"stopped after {limit} iterations; the last one still changed the RMSE by {change:.1e} m"
 
 
-def check_cloud(points: ArrayLike, name: str) -> Array:
-    """The points as a contiguous (n, 2) or (n, 3) array, or a ValueError that says what is wrong with them."""
-    points = np.ascontiguousarray(points, dtype=float)
-    if points.ndim != 2 or points.shape[1] not in (2, 3):
-        raise ValueError(f"{name}: expected points of shape (n, 2) or (n, 3), got {points.shape}")
-    if not np.all(np.isfinite(points)):
-        bad = np.flatnonzero(~np.isfinite(points).all(axis=1))
-        raise ValueError(
-            f"{name}: expected finite coordinates, got {points[bad[0]]} in row {bad[0]} ({len(bad)} such rows)"
-        )
-    if len(points) < points.shape[1]:
-        raise ValueError(f"{name}: expected at least {points.shape[1]} points, got {len(points)}")
-    return points
+def _unknown(source: Array, covariance: Array) -> Array:
+    """That, or at least the cloud's own size and one radian as standard deviations in all directions."""
+    d = source.shape[1]
+    size = float(np.sqrt(np.mean(np.sum((source - source.mean(axis=0)) ** 2, axis=1))))
+    return covariance + np.diag([size**2] * d + [1.0] * (len(covariance) - d))
 
 
-def _rigid(T: ArrayLike, d: int) -> Array:
-    T = np.asarray(T, dtype=float)
-    if T.shape != (d + 1, d + 1):
-        raise ValueError(f"initial: expected a homogeneous matrix of shape {(d + 1, d + 1)}, got {T.shape}")
-    if not np.all(np.isfinite(T)) or not np.array_equal(T[-1], np.eye(d + 1)[-1]) or not is_rotation(T[:d, :d]):
-        raise ValueError(f"initial: expected a rotation and a translation over a row [0 … 0 1], got\n{T}")
+def _start(initial: ArrayLike | None, d: int) -> Array:
+    if initial is None:
+        return np.eye(d + 1)
+    T = check_motion(initial, d, "initial")
     U, _, Vt = np.linalg.svd(T[:d, :d])  # what is a rotation within 1e-6 becomes one within rounding
     return rigid(U @ Vt, T[:d, d])
 
 
-def _normals(normals: ArrayLike | None, target: Array) -> Array:
-    if normals is None:
-        return estimate_normals(target)
-    normals = np.asarray(normals, dtype=float)
-    length = np.linalg.norm(normals, axis=-1, keepdims=True)
-    if normals.shape != target.shape or not np.all(np.isfinite(normals)) or np.any(length == 0):
-        raise ValueError(
-            f"normals: expected finite vectors of shape {target.shape}, none of them zero, got {normals.shape}"
-        )
-    return normals / length
+def _check_choice(name: str, value: Any, choices: tuple[str, ...]) -> None:
+    if not isinstance(value, str) or value not in choices:
+        raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
 
 
 def _check_options(
     metric: str, search: str, max_distance: float, trim: float, max_iterations: int, tolerance: float,
     kernel: str | None, kernel_scale: float | None,
 ) -> None:  # fmt: skip
-    for name, value, choices in (("metric", metric, METRICS), ("search", search, tuple(SEARCHES))):
-        if value not in choices:
-            raise ValueError(f"{name}: expected one of {', '.join(choices)}, got {value!r}")
-    if kernel is not None and kernel not in KERNELS:
+    _check_choice("metric", metric, METRICS)
+    _check_choice("search", search, tuple(SEARCHES))
+    if kernel is not None and (not isinstance(kernel, str) or kernel not in KERNELS):
         raise ValueError(f"kernel: expected None or one of {', '.join(KERNELS)}, got {kernel!r}")
-    if not max_distance > 0:
+    if not number(max_distance, "max_distance") > 0:
         raise ValueError(f"max_distance: expected a distance > 0 m, got {max_distance}")
-    if not 0 < trim <= 1:
+    if not 0 < number(trim, "trim") <= 1:
         raise ValueError(f"trim: expected a share in (0, 1], got {trim}")
-    if not (int(max_iterations) == max_iterations and max_iterations >= 1):
-        raise ValueError(f"max_iterations: expected a whole number ≥ 1, got {max_iterations}")
-    if not (np.isfinite(tolerance) and tolerance >= 0):
+    count(max_iterations, "max_iterations")
+    if not 0 <= number(tolerance, "tolerance") < np.inf:
         raise ValueError(f"tolerance: expected a number ≥ 0, got {tolerance}")
-    if kernel_scale is not None and not (np.isfinite(kernel_scale) and kernel_scale > 0):
+    if kernel_scale is not None and not 1 / LARGEST < number(kernel_scale, "kernel_scale") < LARGEST:
         raise ValueError(f"kernel_scale: expected a distance > 0 m, got {kernel_scale}")

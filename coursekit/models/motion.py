@@ -9,10 +9,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coursekit.doors import LARGEST, as_numbers, generator, number
 from coursekit.geometry import Array, wrap_angle
-from coursekit.models._vectors import entries, sine_cosine, two_normals, vector
+from coursekit.models._vectors import copies, entries, functions, product, sine_cosine, square, vector
+from coursekit.models.checks import right_by_construction
 
 
+@right_by_construction
 @dataclass(frozen=True)
 class DifferentialDrive:
     r"""A robot on two wheels.  State [x, y, θ] (m, m, rad); control [v, ω] (m/s, rad/s).
@@ -20,29 +23,43 @@ class DifferentialDrive:
     Between two samples of the control the robot runs along an arc of a circle, so f is exact for a control
     that holds still.  The wheels' noise is a constant error of v and ω over the step (standard deviations
     ``sigma_v`` m/s, ``sigma_omega`` rad/s), independent from one step to the next: take smaller steps and
-    the same two numbers mean *less* noise (Lab 7 measures how much less).  ``sigma_slip`` [m, m, rad] is
+    the same two numbers mean *less* noise (Lab 7 measures how much less).  ``sigma_pose`` [m, m, rad] is
     what no wheel explains, over one step, along the state's own axes; it keeps Q positive definite.
 
-    Raises ValueError for a negative or non-finite deviation; so does each method for a state or control of the
-    wrong shape, for NaN, and for dt ≤ 0.
+    Raises ValueError for a negative or non-finite deviation, TypeError for what is no number; so does each method for
+    a state or control of the wrong shape, for NaN, and for dt ≤ 0 s.
+
+    >>> drive = DifferentialDrive(sigma_v=0.05, sigma_omega=0.1)
+    >>> drive.f([0.0, 0.0, 0.0], [np.pi / 2, np.pi / 2], dt=1.0).round(3)     # a quarter circle of radius 1 m
+    array([1.   , 1.   , 1.571])
+    >>> F, Q = drive.F([0.0, 0.0, 0.0], [1.0, 0.0], 1.0), drive.Q([0.0, 0.0, 0.0], [1.0, 0.0], 1.0)
+    >>> np.sqrt(np.diag(Q)).round(3)                                          # along, across, heading
+    array([0.05, 0.05, 0.1 ])
+
+    Source: Thrun, Burgard & Fox (2005), section 5.3, for the arc; the covariance is its first-order propagation.
     """
 
     sigma_v: float = 0.05
     sigma_omega: float = 0.05
-    sigma_slip: tuple[float, float, float] = (1e-3, 1e-3, 1e-3)
+    sigma_pose: tuple[float, float, float] = (1e-3, 1e-3, 1e-3)
     _wheels: Array = field(init=False, repr=False, compare=False)
-    _slip: Array = field(init=False, repr=False, compare=False)
+    _pose_cov: Array = field(init=False, repr=False, compare=False)
 
     def __post_init__(self) -> None:
-        sigmas = np.array([self.sigma_v, self.sigma_omega, *self.sigma_slip], dtype=float)
+        pose = as_numbers(self.sigma_pose, "sigma_pose")
+        sigmas = as_numbers([self.sigma_v, self.sigma_omega, *pose.ravel()], "sigma_v, sigma_omega")
         if sigmas.shape != (5,) or not np.all(np.isfinite(sigmas)) or np.any(sigmas < 0):
-            raise ValueError(f"expected five finite standard deviations ≥ 0, got {sigmas}")
+            raise ValueError(f"expected finite standard deviations ≥ 0, one for v, one for ω, three for the pose, "
+                             f"got {sigmas}")  # fmt: skip
         object.__setattr__(self, "_wheels", np.diag(sigmas[:2]))
-        object.__setattr__(self, "_slip", np.diag(sigmas[2:] ** 2))
+        object.__setattr__(self, "_pose_cov", np.diag(sigmas[2:] ** 2))
 
     @classmethod
     def from_wheels(cls, radius: float, track: float, sigma_wheel: float, **noise: Any) -> DifferentialDrive:
-        """The model whose two wheels (radius m, track m apart) each err by ``sigma_wheel`` rad/s."""
+        """The model whose two wheels (radius m, track m apart) each err by ``sigma_wheel`` rad/s.
+
+        Raises ValueError for a radius or track that is not positive.
+        """
         if not (radius > 0 and track > 0):
             raise ValueError(f"expected radius > 0 and track > 0 in metres, got {radius} and {track}")
         return cls(radius * sigma_wheel / np.sqrt(2), np.sqrt(2) * radius * sigma_wheel / track, **noise)
@@ -61,28 +78,29 @@ class DifferentialDrive:
         return vector(x + chord * cosine, y + chord * sine, wrap_angle(theta + omega * dt))
 
     def F(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
-        """∂f/∂x, (3, 3)."""
-        _, _, theta, v, omega = _pose_and_control(x, u, one=True)
+        """∂f/∂x, (..., 3, 3)."""
+        _, _, theta, v, omega = _pose_and_control(x, u)
         dt = _step(dt)
         half = 0.5 * omega * dt
         chord, direction = v * dt * _sinc(half), theta + half
-        F = _I3.copy()
-        F[0, 2], F[1, 2] = -chord * math.sin(direction), chord * math.cos(direction)
+        sine, cosine = sine_cosine(direction)
+        F = copies(_I3, direction)
+        F[..., 0, 2], F[..., 1, 2] = -chord * sine, chord * cosine
         return F
 
     def G(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
-        """∂f/∂u, (3, 2): how an error of [v, ω] that lasts for the step moves the pose."""
-        _, _, theta, v, omega = _pose_and_control(x, u, one=True)
+        """∂f/∂u, (..., 3, 2): how an error of [v, ω] that lasts for the step moves the pose."""
+        _, _, theta, v, omega = _pose_and_control(x, u)
         dt = _step(dt)
         half = 0.5 * omega * dt
-        c, s = math.cos(theta + half), math.sin(theta + half)
+        s, c = sine_cosine(theta + half)
         # The chord's change with v; and, through half = ω dt/2, its turning and its shortening with ω.
         sinc, bend = _sinc(half), 0.5 * v * dt * dt
         along, across, shorter = dt * sinc, bend * sinc, bend * _sinc_slope(half)
-        G = np.zeros((3, 2))
-        G[0, 0], G[0, 1] = along * c, shorter * c - across * s
-        G[1, 0], G[1, 1] = along * s, shorter * s + across * c
-        G[2, 1] = dt
+        G = copies(_NO_G, c)
+        G[..., 0, 0], G[..., 0, 1] = along * c, shorter * c - across * s
+        G[..., 1, 0], G[..., 1, 1] = along * s, shorter * s + across * c
+        G[..., 2, 1] = dt
         return G
 
     def root_M(self, u: ArrayLike, dt: float) -> Array:
@@ -90,56 +108,72 @@ class DifferentialDrive:
         return self._wheels
 
     def Q(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
-        """G M Gᵀ + diag(σ_slip²), (3, 3), with M the covariance of the control's error."""
-        root = self.G(x, u, dt).dot(self.root_M(u, dt))
-        return root.dot(root.T) + self._slip
+        """G M Gᵀ + diag(σ_pose²), (..., 3, 3), with M the covariance of the control's error."""
+        return square(product(self.G(x, u, dt), self.root_M(u, dt))) + self._pose_cov
+
+    def linearized(self, x: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, Array]:
+        """f, F and Q at once, for a filter of many states: the way is v ∂f/∂v, since the chord grows with v alone."""
+        G = self.G(x, u, dt)  # which looks at the arguments
+        x, u = np.asarray(x, dtype=float), np.asarray(u, dtype=float)
+        dx, dy = u[..., 0] * G[..., 0, 0], u[..., 0] * G[..., 1, 0]
+        F = copies(_I3, dx)
+        F[..., 0, 2], F[..., 1, 2] = -dy, dx
+        f = vector(x[..., 0] + dx, x[..., 1] + dy, wrap_angle(x[..., 2] + u[..., 1] * dt))
+        return f, F, square(product(G, self.root_M(u, dt))) + self._pose_cov
 
     def sample(self, states: ArrayLike, u: ArrayLike, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 3) → (n, 3)."""
-        states = np.asarray(states, dtype=float)
+        states, rng = as_numbers(states, "states"), generator(rng)
+        if states.ndim > 2:
+            raise ValueError(f"states: expected shape (n, 3), got {states.shape}")
         entries(u, 2, "control [v, ω]")  # one number would broadcast
-        noise = (self.root_M(u, dt) @ two_normals(rng, states.shape[:-1])).T
+        check_controls(states, u)
+        noise = (self.root_M(u, dt) @ rng.standard_normal((2, *states.shape[:-1]))).T
         moved = self.f(states, np.asarray(u, dtype=float) + noise, dt)
-        if any(self.sigma_slip):
-            moved += rng.standard_normal(moved.shape) * self.sigma_slip
+        if any(self.sigma_pose):
+            moved += rng.standard_normal(moved.shape) * self.sigma_pose
             moved[..., 2] = wrap_angle(moved[..., 2])
         return moved
 
 
+@right_by_construction
 @dataclass(frozen=True)
-class CreepingWheels(DifferentialDrive):
-    """A differential drive whose noise comes from its wheels: the faster one turns, the more it may creep.
+class SlippingWheels(DifferentialDrive):
+    """A differential drive whose noise comes from its wheels: the faster one turns, the more it may slip.
 
-    Over a step each wheel's ground speed is off by ``creep`` times its rim speed, and encoders that count whole
+    Over a step each wheel's ground speed is off by ``slip`` times its rim speed, and encoders that count whole
     ticks of ``tick`` metres round it: with the robot's own numbers this is what the world's robot does.
     ``sigma_v`` and ``sigma_omega`` are not used.
 
-    track : between the wheels, m.     creep : a share, ≥ 0.     tick : ground covered in one encoder tick, m, ≥ 0.
+    track : between the wheels, m.     slip : a share, ≥ 0.     tick : ground covered in one encoder tick, m, ≥ 0.
 
     Source: Siegwart, Nourbakhsh & Scaramuzza (2011), section 5.2.4.
     """
 
     track: float = 0.287
-    creep: float = 0.03
+    slip: float = 0.03
     tick: float = 2 * math.pi * 0.033 / 4096
 
     def __post_init__(self) -> None:
         super().__post_init__()
-        if not (0 < self.track < math.inf and 0 <= self.creep < math.inf and 0 <= self.tick < math.inf):
-            raise ValueError(f"expected track > 0, creep ≥ 0 and tick ≥ 0, all finite, got {self}")
+        if not (0 < self.track < math.inf and 0 <= self.slip < math.inf and 0 <= self.tick < math.inf):
+            raise ValueError(f"expected track > 0, slip ≥ 0 and tick ≥ 0, all finite, got {self}")
 
     def root_M(self, u: ArrayLike, dt: float) -> Array:
-        """A square root of M, (2, 2), one column a wheel: its error, as the body feels it in [v, ω]."""
-        v, omega = entries(u, 2, "control [v, ω]", one=True)
+        """A square root of M, (..., 2, 2), one column a wheel: its error, as the body feels it in [v, ω]."""
+        v, omega = entries(u, 2, "control [v, ω]")
         half = 0.5 * omega * self.track
         # A count that starts and ends between two ticks is off by tick²/6.
         rounding = self.tick**2 / (6 * _step(dt) ** 2)
-        left, right = (math.sqrt((self.creep * rim) ** 2 + rounding) for rim in (v - half, v + half))
-        root = np.empty((2, 2))
-        root[0, 0], root[0, 1], root[1, 0], root[1, 1] = 0.5 * left, 0.5 * right, -left / self.track, right / self.track
+        sqrt = functions(v).sqrt
+        left, right = (sqrt((self.slip * rim) ** 2 + rounding) for rim in (v - half, v + half))
+        root = copies(_NO_ROOT, v)
+        root[..., 0, 0], root[..., 0, 1] = 0.5 * left, 0.5 * right
+        root[..., 1, 0], root[..., 1, 1] = -left / self.track, right / self.track
         return root
 
 
+@right_by_construction
 @dataclass(frozen=True)
 class ConstantVelocity:
     r"""A point that keeps its velocity but for white-noise acceleration.  State [p_x, v_x, p_y, v_y].
@@ -147,13 +181,19 @@ class ConstantVelocity:
     ``sigma_a`` is the noise's intensity, m/s^(3/2): over a step of dt seconds the velocity's variance grows by
     sigma_a² dt, whatever the number of steps it is cut into.  The control is not used.
 
+    Raises ValueError for an intensity that is negative or not finite, TypeError for what is no number; so does each
+    method for a state that is not (4,), for NaN, and for dt ≤ 0 s.
+
+    >>> ConstantVelocity(sigma_a=0.1).f([0.0, 1.0, 0.0, -1.0], None, dt=0.5)   # m, m/s, m, m/s
+    array([ 0.5,  1. , -0.5, -1. ])
+
     Source: Bar-Shalom, Li & Kirubarajan (2001), eq. 6.2.2-12.
     """
 
     sigma_a: float = 0.1
 
     def __post_init__(self) -> None:
-        if not (math.isfinite(self.sigma_a) and self.sigma_a >= 0):
+        if not 0 <= number(self.sigma_a, "sigma_a") < LARGEST:
             raise ValueError(f"sigma_a: expected a finite intensity ≥ 0, got {self.sigma_a}")
 
     def f(self, x: ArrayLike, u: ArrayLike | None, dt: float) -> Array:
@@ -174,7 +214,7 @@ class ConstantVelocity:
 
     def sample(self, states: ArrayLike, u: ArrayLike | None, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 4) → (n, 4)."""
-        moved = self.f(states, u, dt)
+        moved, rng = self.f(states, u, dt), generator(rng)
         return np.asarray(moved + rng.standard_normal(moved.shape) @ self._noise_factor(dt).T)
 
     def _noise_factor(self, dt: float) -> Array:
@@ -184,19 +224,30 @@ class ConstantVelocity:
         return np.array([[position, 0, 0, 0], [shared, own, 0, 0], [0, 0, position, 0], [0, 0, shared, own]])
 
 
-_I3 = np.eye(3)
+_I3, _NO_G, _NO_ROOT = np.eye(3), np.zeros((3, 2)), np.zeros((2, 2))
 
 
-def _pose_and_control(x: Any, u: Any, one: bool = False) -> Any:
+def _pose_and_control(x: Any, u: Any) -> Any:
     """x, y, θ, v, ω: floats of one pose and one control, arrays of many."""
     try:
         if x.ndim == u.ndim == 1:
             (px, py, theta), (v, omega) = x.tolist(), u.tolist()
-            if math.isfinite(px + py + theta + v + omega):
+            if abs(px) + abs(py) + abs(theta) + abs(v) + abs(omega) < LARGEST:
                 return px, py, theta, v, omega
-    except (AttributeError, ValueError):
-        pass  # no arrays, or of the wrong size: the careful way knows what to say
-    return *entries(x, 3, "state", one), *entries(u, 2, "control [v, ω]", one)
+    except (AttributeError, TypeError, ValueError):
+        pass  # no arrays, or of the wrong size or kind: the careful way knows what to say
+    pose, control = entries(x, 3, "state"), entries(u, 2, "control [v, ω]")
+    check_controls(x, u)
+    return *pose, *control
+
+
+def check_controls(x: Any, u: Any) -> None:
+    """Controls (..., 2) for states (..., 3): one for all or one for each."""
+    try:
+        np.broadcast_shapes(np.shape(x)[:-1], np.shape(u)[:-1])
+    except ValueError:
+        raise ValueError(f"control [v, ω]: expected one for all or one for each state, got shape {np.shape(u)} for "
+                         f"states {np.shape(x)}; they cannot be broadcast") from None  # fmt: skip
 
 
 def _sinc(t: Any) -> Any:
@@ -207,14 +258,23 @@ def _sinc(t: Any) -> Any:
     return sine_cosine(t)[0] / t
 
 
-def _sinc_slope(t: float) -> float:
+def _sinc_slope(t: Any) -> Any:
     """Derivative of sin(t)/t; the series where the closed form cancels."""
-    if abs(t) < 1e-3:
-        return -t / 3 + t**3 / 30
-    return (t * math.cos(t) - math.sin(t)) / t**2
+    if type(t) is float:
+        return -t / 3 + t**3 / 30 if abs(t) < 1e-3 else (t * math.cos(t) - math.sin(t)) / t**2
+    near = np.abs(t) < 1e-3
+    sine, cosine = sine_cosine(t)
+    return np.where(near, -t / 3 + t**3 / 30, (t * cosine - sine) / np.where(near, 1.0, t) ** 2)
 
 
 def _step(dt: float) -> float:
-    if not 0 < dt < math.inf:
-        raise ValueError(f"dt: expected a time step > 0 s, got {dt}")
-    return float(dt)  # single precision would spread to the state
+    try:
+        if 0 < dt < math.inf:
+            step = float(dt)  # single precision would spread to the state
+            if 1 / LARGEST < step < LARGEST:
+                return step
+    except OverflowError:
+        pass  # a whole number beyond all floats
+    except (TypeError, ValueError):
+        raise TypeError(f"dt: expected a time step in seconds, one number, got {dt!r}") from None
+    raise ValueError(f"dt: expected a time step > 0 s, got {dt}")

@@ -1,9 +1,11 @@
-r"""The particle filter: a belief as a cloud of weighted guesses, moved, weighed and drawn again.
+r"""The particle filter: a belief as a cloud of weighted guesses, moved, weighed and resampled.
 
 Three small functions make a filter.  A cloud of n states x⁽ⁱ⁾ with weights w⁽ⁱ⁾ stands for the belief
 Σ w⁽ⁱ⁾ δ(x - x⁽ⁱ⁾); weights live in logs, because a product of twenty likelihoods underflows and a sum does not.
 
 cloud        ``Particles``, and ``predict``, ``weigh``, ``resample``
+likelihood   log p(z | x) of every particle, from a sensor model; and the NIS of the cloud
+together     several measurements of one moment, and those that cannot be used
 resampling   effective sample size; systematic, stratified, residual, multinomial and wheel resampling
 summary      mean, covariance, roughening, how many particles are enough
 
@@ -21,7 +23,8 @@ summary      mean, covariance, roughening, how many particles are enough
 Source: Gordon, Salmond & Smith (1993); Thrun, Burgard & Fox (2005), chapter 4; Doucet & Johansen (2011).
 """
 
-from coursekit.particles.cloud import Particles, log_likelihood, predict, resample, weigh
+from coursekit.particles.cloud import Particles, predict, resample, weigh
+from coursekit.particles.likelihood import log_likelihood, nis
 from coursekit.particles.resampling import (
     RESAMPLERS,
     Indices,
@@ -34,12 +37,14 @@ from coursekit.particles.resampling import (
     wheel,
 )
 from coursekit.particles.summary import as_gaussian, covariance, kld_size, mean, occupied_bins, roughen
+from coursekit.particles.together import Weighed, weigh_together
 
 __all__ = [
     "RESAMPLERS",
     "Indices",
     "Particles",
     "Resampler",
+    "Weighed",
     "as_gaussian",
     "covariance",
     "effective_sample_size",
@@ -47,6 +52,7 @@ __all__ = [
     "log_likelihood",
     "mean",
     "multinomial",
+    "nis",
     "occupied_bins",
     "predict",
     "resample",
@@ -55,5 +61,6 @@ __all__ = [
     "stratified",
     "systematic",
     "weigh",
+    "weigh_together",
     "wheel",
 ]

@@ -2,52 +2,79 @@
 
 from __future__ import annotations
 
+import operator
 from collections.abc import Callable
 from dataclasses import KW_ONLY, dataclass
-from functools import cached_property, lru_cache
-from itertools import pairwise
-from typing import Any
+from functools import cached_property
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from coursekit.gaussian import check_covariance
+from coursekit.doors import as_numbers, generator
 from coursekit.geometry import Array
-from coursekit.models import MotionModel, SensorModel
-from coursekit.particles.resampling import Resampler, systematic
-
-BLOCK = 8192  # particles at a time: a dozen temporaries of 64 kB fit a second-level cache, a cloud of 10⁵ does not
+from coursekit.models import MotionSampler
+from coursekit.models.checks import has_parts
+from coursekit.particles._blocks import blocks
+from coursekit.particles.resampling import RESAMPLERS, Resampler, systematic
 
 
 @dataclass(frozen=True, eq=False)
 class Particles:
     """A weighted cloud: the belief Σ exp(log_weights[i]) δ(x - states[i]).
 
-    states (n, d), finite; log_weights (n,), up to a common constant: they are normalised here, so that their
-    exponentials sum to one.  Without them all weigh the same.  Arrays are copied and made read-only.
-
-    angles : the columns of ``states`` that live on a circle, (2,) for poses; means and spreads heed it.
+    Parameters
+    ----------
+    states : (n, d), finite.
+    log_weights : (n,), up to a common constant: they are normalised here, so that their exponentials sum to one.
+        Without them all particles weigh the same.
+    angles : the columns of ``states`` that are angles in rad, (2,) for poses, () for none; means and spreads wrap
+        them.  A cloud of three columns may hold poses or points in space, whose means differ: without ``angles`` it
+        can be moved and weighed, but ``mean`` and its like raise ValueError.  Other clouds have none by default.
     log_evidence : log p(z | past) in nats of the weighing that made this cloud, 0 where there was none.
     rejected : why that weighing left the weights alone; empty when it did not.
 
-    Raises ValueError for an empty cloud, NaN, shapes that disagree, and weights that are all zero.
+    Arrays are copied and made read-only.
+
+    Raises ValueError for an empty cloud, NaN, shapes that disagree, and weights that are all zero; TypeError for
+    what is not a number, and for ``angles`` that are not columns.
+
+    >>> cloud = Particles([[0.0, 1.0], [2.0, 3.0]], np.log([1.0, 3.0]))
+    >>> len(cloud), cloud.weights.round(2).tolist()
+    (2, [0.25, 0.75])
+
+    Source: Thrun, Burgard & Fox (2005), section 4.3.
     """
 
     states: Array
     log_weights: Array = None  # type: ignore[assignment]  # None: all equal; an array from __post_init__ on
     _: KW_ONLY
-    angles: tuple[int, ...] = ()
+    angles: tuple[int, ...] | None = None
     log_evidence: float = 0.0
     rejected: str = ""
 
+    if TYPE_CHECKING:  # what may be given, where the fields say what stands there afterwards
+
+        def __init__(
+            self,
+            states: ArrayLike,
+            log_weights: ArrayLike | None = None,
+            *,
+            angles: tuple[int, ...] | None = None,
+            log_evidence: float = 0.0,
+            rejected: str = "",
+        ) -> None: ...
+
     def __post_init__(self) -> None:
-        states = _check_states(np.array(self.states, dtype=float))
+        states = _check_states(as_numbers(self.states, "states").copy())
         n, d = states.shape
-        log_weights = np.zeros(n) if self.log_weights is None else np.array(self.log_weights, dtype=float)
+        log_weights = np.zeros(n) if self.log_weights is None else as_numbers(self.log_weights, "log_weights").copy()
         if log_weights.shape != (n,):
             raise ValueError(f"log_weights: expected shape ({n},), one for each state, got {log_weights.shape}")
-        if not all(-d <= column < d for column in self.angles):
-            raise ValueError(f"angles: expected columns of states with {d} columns, got {self.angles}")
+        if self.angles is not None:
+            object.__setattr__(self, "angles", _check_columns(self.angles, d))
+        elif d != 3:
+            object.__setattr__(self, "angles", ())
         _check_logs(log_weights, "log_weights")
         if log_weights.max() == -np.inf:
             raise ValueError("log_weights: expected at least one that is not -inf, got weights that are all zero")
@@ -63,28 +90,41 @@ class Particles:
 
 
 def predict(
-    cloud: Particles, motion: MotionModel, control: ArrayLike, dt: float, rng: np.random.Generator
+    cloud: Particles, motion: MotionSampler, control: ArrayLike, dt: float, rng: np.random.Generator
 ) -> Particles:
     """Draw each particle's next state from p(x' | x, u); weights stay.
 
     Parameters
     ----------
+    motion : a model with ``sample(states (n, d), u, dt, rng)`` → (n, d).
     control : in the model's units; for DifferentialDrive [v m/s, ω rad/s], one for all (2,) or one each (n, 2).
     dt : seconds, > 0.  The model's noise is drawn once for the whole step: see Lab 7 before cutting steps.
 
-    The model is called on blocks of some 8000 particles, whose intermediate results stay in the cache.
+    Large clouds are moved in blocks that fit a cache.
+
+    Raises TypeError for what is not a cloud, a model or a Generator; ValueError for a control that is neither one
+    nor n, for dt ≤ 0, and for a model that answers another shape or infinity.
+
+    >>> from coursekit.models import DifferentialDrive
+    >>> cloud = Particles(np.zeros((500, 3)), angles=(2,))
+    >>> moved = predict(cloud, DifferentialDrive(), [1.0, 0.0], 2.0, np.random.default_rng(1))
+    >>> print(f"{moved.states[:, 0].mean():.1f} m ahead, ± {moved.states[:, 0].std():.1f}")
+    2.0 m ahead, ± 0.1
 
     Source: Thrun, Burgard & Fox (2005), table 4.3, line 4.
     """
-    control = np.asarray(control, dtype=float)
+    _check_call(cloud, rng)
+    has_parts(motion, "motion", ("sample",))
+    control = as_numbers(control, "control")
     each = control.ndim == 2 and len(control) == len(cloud)
     if control.ndim == 2 and not each and len(control) != 1:
         raise ValueError(f"control: expected one for all or one for each of {len(cloud)}, got {len(control)}")
     states = np.empty_like(cloud.states)
-    for block in _blocks(len(cloud)):
-        moved = motion.sample(cloud.states[block], control[block] if each else control, dt, rng)
-        if np.shape(moved) != states[block].shape:
-            raise ValueError(f"motion.sample: expected shape {states[block].shape}, got {np.shape(moved)}")
+    for block in blocks(len(cloud)):
+        drawn = motion.sample(cloud.states[block], control[block] if each else control, dt, rng)
+        moved = as_numbers(drawn, "motion.sample")
+        if moved.shape != states[block].shape:
+            raise ValueError(f"motion.sample: expected shape {states[block].shape}, got {moved.shape}")
         states[block] = moved
     return _remember(_like(cloud, _check_states(states), cloud.log_weights), cloud.weights)
 
@@ -95,17 +135,24 @@ def weigh(cloud: Particles, log_likelihood: ArrayLike | Callable[[Array], ArrayL
     Parameters
     ----------
     log_likelihood : log p(z | x⁽ⁱ⁾) in nats, (n,), or a function that makes it from the states (n, d).
-        -inf says "impossible here" and is welcome.
+        -inf means "impossible here", and is allowed.
 
     A measurement that is impossible at *every* particle cannot be used: the weights stay as they were and
-    ``rejected`` says why (``log_evidence`` is then -inf).  The cloud has lost the robot, or the sensor erred.
+    ``rejected`` says why (``log_evidence`` is then -inf).  The cloud has lost the robot, or the sensor failed.
 
-    Raises ValueError for a wrong shape, NaN or +inf: those are errors of the model, not of the measurement.
+    Raises TypeError for what is not a cloud or not numbers; ValueError for a wrong shape, NaN or +inf, which are
+    errors of the model, not of the measurement.
+
+    >>> cloud = weigh(Particles([[0.0], [1.0]]), np.log([0.1, 0.3]))
+    >>> cloud.weights.round(2).tolist()
+    [0.25, 0.75]
 
     Source: Thrun, Burgard & Fox (2005), table 4.3, line 5.
     """
+    if not isinstance(cloud, Particles):
+        raise TypeError(f"cloud: expected Particles, got {type(cloud).__name__}")
     given = log_likelihood(cloud.states) if callable(log_likelihood) else log_likelihood
-    gained = np.asarray(given, dtype=float)
+    gained = as_numbers(given, "log_likelihood")
     if gained.shape != cloud.log_weights.shape:
         raise ValueError(f"log_likelihood: expected shape {cloud.log_weights.shape}, got {gained.shape}")
     _check_logs(gained, "log_likelihood")
@@ -119,43 +166,62 @@ def weigh(cloud: Particles, log_likelihood: ArrayLike | Callable[[Array], ArrayL
 
 
 def resample(
-    cloud: Particles, rng: np.random.Generator, method: Resampler = systematic, size: int | None = None
+    cloud: Particles, rng: np.random.Generator, method: str | Resampler = systematic, size: int | None = None
 ) -> Particles:
-    """Copy each particle in proportion to its weight, so that all weigh the same again.
+    """Draw particles in proportion to their weights, so that all weigh the same again.
 
-    The belief's expectation is kept, its variety is not: do it when the effective sample size has fallen, not
-    every step.  ``size`` changes the number of particles (see ``kld_size``).
+    Expectations are kept on average, variety is lost: resample when the effective sample size has fallen, not
+    after every step.
+
+    Parameters
+    ----------
+    method : a function such as ``particles.systematic``, or its name, see ``particles.RESAMPLERS``.
+    size : how many to draw; as many as before by default (see ``kld_size``).
+
+    Raises TypeError for what is not a cloud, a Generator or a resampler; ValueError for an unknown name, a size
+    below one, and indices that name no particle.
+
+    >>> cloud = Particles([[0.0], [1.0]], [0.0, -np.inf])
+    >>> resample(cloud, np.random.default_rng(1), "stratified", size=3).states.ravel().tolist()
+    [0.0, 0.0, 0.0]
+
+    Source: Gordon, Salmond & Smith (1993); Thrun, Burgard & Fox (2005), table 4.3, lines 8-11.
     """
-    indices = method(cloud.weights, rng) if size is None else method(cloud.weights, rng, size=size)
+    _check_call(cloud, rng)
+    draw = _resampler(method)
+    indices = np.asarray(draw(cloud.weights, rng) if size is None else draw(cloud.weights, rng, size=size))
+    if indices.dtype.kind not in "iu":
+        raise TypeError(f"method: expected indices of particles, got numbers of type {indices.dtype}")
+    if indices.ndim != 1 or not indices.size or indices.min() < 0 or indices.max() >= len(cloud):
+        raise ValueError(f"method: expected indices from 0 to {len(cloud) - 1} of shape (n,), got {indices}")
     n = len(indices)
     return _remember(_like(cloud, cloud.states.take(indices, axis=0), np.full(n, -np.log(n))), np.full(n, 1 / n))
 
 
-def log_likelihood(sensor: SensorModel, z: ArrayLike, R: ArrayLike | None = None) -> Callable[[Array], Array]:
-    """log N(z; h(x), R) as a function of states (n, d) → (n,), for ``weigh``.  z (m,), R (m, m)."""
-    z = np.atleast_1d(np.asarray(z, dtype=float))
-    if not np.isfinite(z).all():
-        raise ValueError(f"z: expected finite numbers, got {z}")
-    R = np.asarray(sensor.R if R is None else R, dtype=float)
-    whiten, constant = _whitening(R.tobytes(), R.shape, z.size)
-
-    def at(states: Array) -> Array:
-        out = np.empty(len(states))
-        for block in _blocks(len(states)):
-            r = sensor.residual(z, sensor.h(states[block])).T
-            white = (sum(w * r_i for w, r_i in zip(row, r)) for row in whiten)
-            out[block] = constant - sum(e * e for e in white)
-        return out
-
-    return at
+def _check_call(cloud: Any, rng: Any) -> None:
+    if not isinstance(cloud, Particles):
+        raise TypeError(f"cloud: expected Particles, got {type(cloud).__name__}")
+    generator(rng)
 
 
-@lru_cache(maxsize=64)
-def _whitening(R: bytes, shape: tuple[int, ...], size: int) -> tuple[Array, float]:
-    """L⁻¹/√2 and -log√((2π)ᵐ|R|) for R = L Lᵀ: checked and factored once, not at every measurement."""
-    factor = np.linalg.cholesky(check_covariance(np.frombuffer(R).reshape(shape), "R", size=size))
-    constant = -np.log(np.diag(factor)).sum() - 0.5 * size * np.log(2 * np.pi)
-    return np.linalg.solve(factor, np.eye(size)) / np.sqrt(2), float(constant)
+def _resampler(method: Any) -> Resampler:
+    if isinstance(method, str):
+        if method not in RESAMPLERS:
+            raise ValueError(f"method: expected one of {', '.join(RESAMPLERS)}, got {method!r}")
+        return RESAMPLERS[method]
+    if not callable(method):
+        raise TypeError(f"method: expected a resampler or its name, got {type(method).__name__}")
+    return method
+
+
+def _check_columns(angles: Any, d: int) -> tuple[int, ...]:
+    try:
+        columns = tuple(operator.index(column) for column in angles)
+    except TypeError:
+        raise TypeError(f"angles: expected a tuple of columns such as (2,), got {angles!r}") from None
+    if not all(-d <= column < d for column in columns):
+        raise ValueError(f"angles: expected columns of states with {d} columns, got {angles}")
+    return columns
 
 
 def _check_logs(logs: Array, name: str) -> None:
@@ -171,11 +237,6 @@ def _normalise(log_weights: Array) -> tuple[Array, Array, float]:
     total = weights.sum()
     log_total = float(peak + np.log(total))
     return log_weights - log_total, weights / total, log_total
-
-
-def _blocks(n: int) -> list[slice]:
-    edges = np.linspace(0, n, max(1, round(n / BLOCK)) + 1).astype(int).tolist()
-    return [slice(start, end) for start, end in pairwise(edges)]
 
 
 def _check_states(states: Array) -> Array:

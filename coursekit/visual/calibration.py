@@ -7,9 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coursekit.doors import as_numbers
 from coursekit.geometry import Array, wrap_angle
 from coursekit.models import DifferentialDrive
 
+LEAST_ERROR = 1e-6  # px, rad, of a step: nothing is known better, so the motion's noise stays positive definite
 CUT = 4.0  # robust standard deviations: a step further off than that had a wrong fix at one of its ends
 
 
@@ -18,14 +20,16 @@ class MotionCalibration:
     """What a command [v m/s, ω rad/s] comes to on the map: rate = gain · command + bias, plus noise.
 
     gain (2,) [px per m, rad per rad]; bias (2,) [px/s, rad/s].  sigma_v px/s and sigma_omega rad/s are the
-    rates' errors over a step, sigma_slip px a step is what neither explains.  steps: how many spoke.
+    rates' errors over a step, sigma_pose px a step is what neither explains.  steps : how many were used.
+
+    ``calibrate`` makes it, with its example.
     """
 
     gain: Array
     bias: Array
     sigma_v: float
     sigma_omega: float
-    sigma_slip: float
+    sigma_pose: float
     steps: int
 
     def control(self, command: ArrayLike) -> Array:
@@ -35,7 +39,7 @@ class MotionCalibration:
     @property
     def motion(self) -> DifferentialDrive:
         """The motion model in pixels of the map, odometry's frame, with the noise that was measured."""
-        return DifferentialDrive(self.sigma_v, self.sigma_omega, (self.sigma_slip, self.sigma_slip, 1e-3))
+        return DifferentialDrive(self.sigma_v, self.sigma_omega, (self.sigma_pose, self.sigma_pose, 1e-3))
 
 
 def calibrate(poses: ArrayLike, commands: ArrayLike, dt: float) -> MotionCalibration:
@@ -49,12 +53,22 @@ def calibrate(poses: ArrayLike, commands: ArrayLike, dt: float) -> MotionCalibra
     poses : (n + 1, 3) in the odometry's frame, px and rad; a row of NaN where there was no fix.
     commands : (n, 2) [v m/s, ω rad/s]; ``commands[k]`` led from ``poses[k]`` to ``poses[k + 1]``.
 
+    dt : seconds from one pose to the next.
+
     Steps more than four robust standard deviations off are left out, as wrong fixes, and the rest fitted again.
 
-    Raises ValueError for shapes that disagree, a dt that is not positive, fewer than 10 usable steps, or
-    commands that do not vary.
+    Raises ValueError for shapes that disagree, a dt that is not positive, fewer than 10 usable steps, and a command
+    that is always zero; TypeError for what is no number.
+
+    >>> speeds = np.linspace(0.2, 0.4, 12)  # m/s, straight to the east at 60 px/m; and it is told to turn and does not
+    >>> x = np.concatenate([[0.0], np.cumsum(60 * speeds * 0.5)])
+    >>> commands = np.column_stack([speeds, np.tile([0.1, -0.1], 6)])
+    >>> calibrate(np.column_stack([x, 0 * x, 0 * x]), commands, 0.5).gain.round(2) + 0.0
+    array([60.,  0.])
+
+    Source: Thrun, Burgard & Fox (2005), section 5.4, for rates with noise that add up to an arc.
     """
-    poses, commands = np.asarray(poses, dtype=float), np.asarray(commands, dtype=float)
+    poses, commands = as_numbers(poses, "poses"), as_numbers(commands, "commands")
     if commands.ndim != 2 or commands.shape[1] != 2 or poses.shape != (len(commands) + 1, 3):
         raise ValueError(f"expected poses (n + 1, 3) and commands (n, 2), got {poses.shape} and {commands.shape}")
     if not (np.isfinite(dt) and dt > 0):
@@ -71,16 +85,16 @@ def calibrate(poses: ArrayLike, commands: ArrayLike, dt: float) -> MotionCalibra
         fits = [_line(commands[usable, j], rates[usable, j], "vω"[j]) for j in (0, 1)]
         (gain, bias) = np.array(fits).T
         errors = np.column_stack([rates - gain * commands - bias, across / dt])
-        spread = 1.4826 * np.median(np.abs(errors[usable]), axis=0) + 1e-12
+        spread = 1.4826 * np.median(np.abs(errors[usable]), axis=0) + LEAST_ERROR / dt
         usable_now = np.all(np.abs(errors) < CUT * spread, axis=1)  # NaN compares false
         if np.array_equal(usable_now, usable):
             break
         usable = usable_now
-    variance = np.mean(errors[usable] ** 2, axis=0)
-    slip = variance[2] * dt**2
-    sigma_v = np.sqrt(max(variance[0] - slip / dt**2, 1e-12))
-    return MotionCalibration(gain, bias, float(sigma_v), float(np.sqrt(variance[1])), float(np.sqrt(slip)),
-                             int(usable.sum()))  # fmt: skip
+    along_2, turning_2, slip_2 = np.mean(errors[usable] ** 2, axis=0)
+    sigma_v, sigma_omega, sigma_pose = np.sqrt(
+        np.maximum([along_2 - slip_2, turning_2, slip_2 * dt**2], np.square([1 / dt, 1 / dt, 1]) * LEAST_ERROR**2)
+    )
+    return MotionCalibration(gain, bias, float(sigma_v), float(sigma_omega), float(sigma_pose), int(usable.sum()))
 
 
 def _line(x: Array, y: Array, name: str) -> tuple[float, float]:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from coursekit.geometry import Array
 from coursekit.visual.frames import image_from_odometry
-from coursekit.visual.matching import as_grey
+from coursekit.visual.pictures import as_grey
 
 SCALES = np.linspace(0.9, 1.1, 21)
 MOST_PIXELS = 1 << 20  # of windows looked up in one go; more would only leave the cache
@@ -32,17 +32,29 @@ class DirectMatcher:
     level : 3 compares 50 × 50 pixels where the camera took 400 × 400.
     independent : how many of those pixels count as independent.  Neighbours err together (a caustic is tens of
         pixels long), so far fewer than there are; it sets how sharp the likelihood is.
-    grain : grey levels; contrast below it is as likely light as floor, and a window without contrast fits nothing.
+    contrast_floor : grey levels; a window whose contrast is far below it fits nothing: it may be light.
 
-    Raises ValueError for a map that is no image or too small for the level.
+    Raises ValueError for a map that is no image or too small for the level, and for settings out of range.
+
+    >>> rng = np.random.default_rng(0)
+    >>> blobs = cv2.GaussianBlur(rng.integers(0, 256, (200, 300), dtype=np.uint8), (0, 0), 3.0)
+    >>> map_image = cv2.normalize(blobs, None, 0, 255, cv2.NORM_MINMAX)
+    >>> at = DirectMatcher(map_image, level=1).log_likelihood(map_image[30:151, 100:251])
+    >>> here, away = at(np.array([[175.0, -90.0, np.pi / 2], [190.0, -90.0, np.pi / 2]]))  # away: 15 px east of it
+    >>> bool(here > away + 50)
+    True
+
+    Source: Adelson et al. (1984); Lewis (1995).
     """
 
     def __init__(
-        self, map_image: NDArray[np.uint8], level: int = 3, independent: float = 60.0, grain: float = 5.0
+        self, map_image: NDArray[np.uint8], level: int = 3, independent: float = 60.0, contrast_floor: float = 5.0
     ) -> None:
-        if level < 0 or not independent > 2 or not grain > 0:
-            raise ValueError(f"expected level ≥ 0, independent > 2, grain > 0, got {level}, {independent}, {grain}")
-        self.level, self.independent, self.grain = level, float(independent), float(grain)
+        if level < 0 or not independent > 2 or not contrast_floor > 0:
+            raise ValueError(
+                f"expected level ≥ 0, independent > 2, contrast_floor > 0, got {level}, {independent}, {contrast_floor}"
+            )
+        self.level, self.independent, self.contrast_floor = level, float(independent), float(contrast_floor)
         self._map = shrink(as_grey(map_image, "map_image"), level)
 
     def log_likelihood(self, image: NDArray[np.uint8], scale: float = 1.0) -> Callable[[Array], Array]:
@@ -102,7 +114,7 @@ class DirectMatcher:
                             borderMode=cv2.BORDER_REPLICATE).reshape(len(poses), -1)  # fmt: skip
         # seen has mean zero, so the window's own mean drops out of the product.
         contrast = np.einsum("np,np->n", windows, windows) / len(seen) - windows.mean(axis=1) ** 2
-        spread = np.sqrt(len(seen) * (np.maximum(contrast, 0) + self.grain**2))
+        spread = np.sqrt(len(seen) * (np.maximum(contrast, 0) + self.contrast_floor**2))
         return np.asarray(np.einsum("np,p->n", windows, seen) / spread, dtype=float)
 
 

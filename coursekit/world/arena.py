@@ -11,13 +11,15 @@ read, and the pose the robot starts from.  Lengths are metres, angles radians, m
 
 from __future__ import annotations
 
+import json
 import tomllib
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import MISSING, dataclass, fields
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 COLOURS = ("red", "green", "blue", "cyan", "magenta", "yellow")
 """What a landmark in an arena's file may be painted with."""
@@ -35,6 +37,12 @@ class Cylinder:
     height: float = 0.5
     colour: str = "cyan"
 
+    if TYPE_CHECKING:  # what may be given, where the fields say what stands there afterwards
+
+        def __init__(
+            self, position: ArrayLike, radius: float = 0.1, height: float = 0.5, colour: str = "cyan"
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         _keep(self, position=_numbers(self.position, "position", "[x, y]", 2))
         _keep(self, radius=_positive(self.radius, "radius"), height=_positive(self.height, "height"))
@@ -49,6 +57,10 @@ class Wall:
     start: Point
     end: Point
 
+    if TYPE_CHECKING:  # what may be given, where the fields say what stands there afterwards
+
+        def __init__(self, start: ArrayLike, end: ArrayLike) -> None: ...
+
     def __post_init__(self) -> None:
         _keep(self, start=_numbers(self.start, "start", "[x, y]", 2), end=_numbers(self.end, "end", "[x, y]", 2))
         if self.start == self.end:
@@ -62,6 +74,10 @@ class Crate:
     pose: Pose
     size: Point = (0.4, 0.4)
     mass: float = 1.0
+
+    if TYPE_CHECKING:  # what may be given, where the fields say what stands there afterwards
+
+        def __init__(self, pose: ArrayLike, size: ArrayLike = (0.4, 0.4), mass: float = 1.0) -> None: ...
 
     def __post_init__(self) -> None:
         _keep(self, pose=_numbers(self.pose, "pose", "[x, y, θ]", 3), mass=_positive(self.mass, "mass"))
@@ -90,6 +106,12 @@ class Tag:
     size: float = 0.16
     height: float = 0.25
 
+    if TYPE_CHECKING:  # what may be given, where the fields say what stands there afterwards
+
+        def __init__(
+            self, id: int, position: ArrayLike, yaw: float, size: float = 0.16, height: float = 0.25
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         if isinstance(self.id, bool) or not isinstance(self.id, (int, np.integer)) or not 0 <= self.id <= 586:
             raise ValueError(f"id: expected a whole number from 0 to 586, got {self.id!r}")
@@ -112,6 +134,18 @@ class Arena:
     tags: tuple[Tag, ...] = ()
     start: Pose = (0.0, 0.0, 0.0)
 
+    if TYPE_CHECKING:  # what may be given, where the fields say what stands there afterwards
+
+        def __init__(
+            self,
+            name: str,
+            walls: Iterable[Wall] = (),
+            cylinders: Iterable[Cylinder] = (),
+            crates: Iterable[Crate] = (),
+            tags: Iterable[Tag] = (),
+            start: ArrayLike = (0.0, 0.0, 0.0),
+        ) -> None: ...
+
     def __post_init__(self) -> None:
         if not isinstance(self.name, str) or not self.name:
             raise ValueError(f"name: expected a name, got {self.name!r}")
@@ -133,12 +167,14 @@ class Arena:
         ``[[tags]]``, whose keys are the fields of the classes above.  An unknown key is an error: it is
         most often a known one, misspelt.
 
+        A byte-order mark, which some editors write, is skipped.
+
         Raises FileNotFoundError when there is no such file, ValueError that names file, key, what was
         expected and what stood there otherwise.
         """
         path = Path(source)
-        if path.suffix != ".toml":
-            from coursekit.datasets import project_file
+        if path.suffix.lower() != ".toml":
+            from coursekit.recordings.datasets import project_file
 
             folder = project_file("arenas")
             path = folder / f"{source}.toml"
@@ -146,9 +182,43 @@ class Arena:
                 known = ", ".join(sorted(p.stem for p in folder.glob("*.toml")))
                 raise FileNotFoundError(f"no arena {str(source)!r}; there are {known}, or give a path ending in .toml")
         try:
-            return _arena(tomllib.loads(path.read_text(encoding="utf-8")))
+            return _arena(tomllib.loads(path.read_text(encoding="utf-8-sig")))
+        except UnicodeDecodeError:
+            raise ValueError(f"{path}: expected text in UTF-8; save the file as UTF-8") from None
         except ValueError as error:  # TOML's own errors are ValueErrors too; they name line and column
             raise ValueError(f"{path}: {error}") from None
+
+    def save(self, path: str | Path) -> None:
+        """Write the arena to a file that ``load`` reads back as an equal one, number by number.
+
+        Parameters
+        ----------
+        path : ends in ``.toml``, as ``load`` expects it; an existing file is overwritten.
+
+        Raises ValueError for another ending, for a cylinder whose colour no file may have, and for a name that UTF-8
+        cannot hold.
+
+        >>> from tempfile import TemporaryDirectory
+        >>> yard = Arena("yard", cylinders=(Cylinder((3, 0.1), colour="red"),), start=(1, 0, 0.1))
+        >>> with TemporaryDirectory() as folder:
+        ...     yard.save(Path(folder) / "yard.toml")
+        ...     Arena.load(Path(folder) / "yard.toml") == yard
+        True
+        """
+        path = Path(path)
+        if path.suffix.lower() != ".toml":
+            raise ValueError(f"path: expected one that ends in .toml, got {str(path)!r}")
+        for i, cylinder in enumerate(self.cylinders):
+            _check_colour(cylinder.colour, f"cylinders[{i}].")
+        lines = [f"name = {_toml(self.name)}", f"start = {_toml(self.start)}  # x [m], y [m], θ [rad]"]
+        for things in _THINGS:
+            for thing in getattr(self, things):
+                lines += ["", f"[[{things}]]", *(f"{f.name} = {_toml(getattr(thing, f.name))}" for f in fields(thing))]
+        try:
+            text = ("\n".join(lines) + "\n").encode()
+        except UnicodeEncodeError:
+            raise ValueError(f"name: expected text that UTF-8 can hold, got {self.name!r}") from None
+        path.write_bytes(text)
 
 
 _THINGS: Mapping[str, type] = {"walls": Wall, "cylinders": Cylinder, "crates": Crate, "tags": Tag}
@@ -174,12 +244,23 @@ def _build(kind: type, row: Mapping[str, Any], where: str) -> Any:
     for f in fields(kind):
         if f.default is MISSING and f.name not in row:
             raise ValueError(f"{where}{f.name}: expected a value, got none")
-    if row.get("colour", COLOURS[0]) not in COLOURS:
-        raise ValueError(f"{where}colour: expected one of {', '.join(COLOURS)}, got {row['colour']!r}")
+    _check_colour(row.get("colour", COLOURS[0]), where)
     try:
         return kind(**row)
     except ValueError as error:
         raise ValueError(f"{where}{error}") from None
+
+
+def _check_colour(colour: Any, where: str) -> None:
+    if colour not in COLOURS:
+        raise ValueError(f"{where}colour: expected one of {', '.join(COLOURS)}, got {colour!r}")
+
+
+def _toml(value: Any) -> str:
+    """A text, a number or a tuple of numbers as TOML writes it.  Its strings escape what JSON's do, and DEL."""
+    if isinstance(value, str):
+        return json.dumps(value, ensure_ascii=False).replace("\x7f", "\\u007f")
+    return f"[{', '.join(map(_toml, value))}]" if isinstance(value, tuple) else repr(value)
 
 
 def _keep(thing: Any, **values: Any) -> None:

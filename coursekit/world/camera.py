@@ -27,9 +27,10 @@ from scipy.special import ndtri
 
 from coursekit.geometry import Array, compose, inverse, transform
 from coursekit.pinhole import Camera, project_cylinder
+from coursekit.world._checks import number
 from coursekit.world.arena import Crate, Cylinder, Wall
 from coursekit.world.backdrop import Image, backdrop
-from coursekit.world.quads import Quad, check_pose, draw_quad, mix
+from coursekit.world.flat_pictures import Quad, check_pose, draw_quad, mix
 from coursekit.world.sightlines import CAMERA_HEIGHT, View, depths, height_of, rows, sides, visibility
 
 __all__ = [
@@ -105,8 +106,8 @@ def paint(
     texture: float = 1.0,
 ) -> Image:
     """The scene in full light through a perfect lens; arguments as for ``render``."""
-    pose, eye = check_pose(T_world_camera), _setting(camera_height, "camera_height", above=True)
-    image, wall_depth = backdrop(camera, pose, tuple(walls), eye, _setting(texture, "texture"))
+    pose, eye = check_pose(T_world_camera), number(camera_height, "camera_height", above=0.0)
+    image, wall_depth = backdrop(camera, pose, tuple(walls), eye, number(texture, "texture", least=0.0))
     things: list[Cylinder | Crate | Quad] = [*cylinders, *crates, *quads]
     for thing in sorted(things, key=lambda thing: _distance(thing, pose), reverse=True):  # near things hide far ones
         if isinstance(thing, tuple):
@@ -120,10 +121,10 @@ def expose(
     scene: Image, *, light: float = 1.0, noise: float = 2.0, blur: float = 0.6, rng: np.random.Generator | None = None
 ) -> Image:
     """What lens and sensor make of a painted scene; arguments as for ``render``.  The scene is not changed."""
-    image = cv2.convertScaleAbs(scene, alpha=_setting(light, "light", above=True))
-    if _setting(blur, "blur") > 0:
+    image = cv2.convertScaleAbs(scene, alpha=number(light, "light", above=0.0))
+    if number(blur, "blur", least=0.0) > 0:
         image = cv2.GaussianBlur(image, (0, 0), blur)
-    if _setting(noise, "noise") > 0 and rng is not None:
+    if number(noise, "noise", least=0.0) > 0 and rng is not None:
         # A random byte through the normal's quantiles: fresh noise for a million values in two milliseconds.
         grain = np.frombuffer(rng.bytes(image.size), dtype=np.uint8).reshape(image.shape)
         brighter, darker = _normal_bytes(float(noise))
@@ -202,9 +203,3 @@ def _normal_bytes(sigma: float) -> tuple[Image, Image]:
     """For each byte, a normal's quantile as (brighter by, darker by), whole grey levels."""
     levels = np.rint(sigma * ndtri((np.arange(256) + 0.5) / 256))
     return np.clip(levels, 0, 255).astype(np.uint8), np.clip(-levels, 0, 255).astype(np.uint8)
-
-
-def _setting(value: float, name: str, *, above: bool = False) -> float:
-    if not (np.isfinite(value) and (value > 0 if above else value >= 0)):
-        raise ValueError(f"{name}: expected a finite number {'>' if above else '≥'} 0, got {value!r}")
-    return float(value)

@@ -21,9 +21,13 @@ from functools import lru_cache
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coursekit.doors import as_numbers
 from coursekit.geometry import Array, transform
+from coursekit.world._checks import count, number
 from coursekit.world.arena import Arena
 from coursekit.world.robot import World
+
+ON_THE_LINE = 1e-9  # metres
 
 
 @dataclass(frozen=True)
@@ -51,6 +55,9 @@ class Lidar:
     beams : in a full turn, evenly spread over (-π, π], counter-clockwise; the last one looks backwards.
     max_range : m; what stands further off is not seen and its beam reads ``inf``.
     sigma : standard deviation of a range's white noise, m.
+
+    Raises ValueError for beams that are no whole number ≥ 1, a max_range ≤ 0 and a sigma that is negative or not
+    finite, TypeError for what is no number.
     """
 
     beams: int = 360
@@ -58,13 +65,14 @@ class Lidar:
     sigma: float = 0.01
 
     def __post_init__(self) -> None:
-        if self.beams < 1 or not self.max_range > 0 or not (np.isfinite(self.sigma) and self.sigma >= 0):
-            raise ValueError(f"expected beams ≥ 1, max_range > 0 and sigma ≥ 0, got {self}")
+        count(self.beams, "beams")
+        number(self.max_range, "max_range", above=0.0, most=np.inf)
+        number(self.sigma, "sigma", least=0.0)
 
     @property
     def angles(self) -> Array:
         """Directions of the beams in the robot's frame, (beams,)."""
-        return np.asarray(np.pi * (2 * np.arange(1, self.beams + 1) / self.beams - 1))
+        return np.asarray(np.pi * (2 * np.arange(1, int(self.beams) + 1) / self.beams - 1))
 
     def scan(self, world: World | Arena, rng: np.random.Generator | None = None, pose: ArrayLike | None = None) -> Scan:
         """Look around once.
@@ -75,19 +83,29 @@ class Lidar:
         rng : of the noise; without one the ranges are exact.
         pose : T_world_robot (3,); the default is where the world's robot is, or the arena's start.
 
-        A range that noise would make negative is 0.  Raises ValueError for a pose that is not a finite [x, y, θ].
+        A range that noise would make negative is 0.  Raises ValueError for a pose that is not a finite [x, y, θ],
+        TypeError for what is neither a world nor an arena.
         """
+        if not isinstance(world, (World, Arena)):
+            hint = f"; Arena.load({world!r}) reads one" if isinstance(world, str) else ""
+            raise TypeError(f"world: expected a World or an Arena, got {world!r}{hint}")
         arena = world.arena if isinstance(world, World) else world
         crates = world.crates if isinstance(world, World) else np.array([c.pose for c in arena.crates]).reshape(-1, 3)
         if pose is None:
             pose = world.pose if isinstance(world, World) else arena.start
-        pose = np.asarray(pose, dtype=float)
+        pose = as_numbers(pose, "pose")
         if pose.shape != (3,) or not np.all(np.isfinite(pose)):
             raise ValueError(f"pose: expected finite [x, y, θ], got {pose}")
-        ranges = cast(pose[:2], pose[2] + self.angles, *_surfaces(arena, crates))
+        starts, ends, centres, radii = _surfaces(arena, crates)
+        if isinstance(world, World) and world.others:
+            there = np.array([world.pose[:2], *(other.pose[:2] for other in world.others)])
+            there = there[np.linalg.norm(there - pose[:2], axis=1) > world.robot.radius]  # not the one that carries it
+            centres = np.concatenate([centres, there])
+            radii = np.concatenate([radii, np.full(len(there), world.robot.radius)])
+        ranges = cast(pose[:2], pose[2] + self.angles, starts, ends, centres, radii)
         ranges[ranges > self.max_range] = np.inf
         if rng is not None:
-            ranges = np.maximum(ranges + self.sigma * rng.standard_normal(self.beams), 0.0)
+            ranges = np.maximum(ranges + self.sigma * rng.standard_normal(int(self.beams)), 0.0)
         return Scan(self.angles, ranges)
 
 
@@ -102,7 +120,8 @@ def cast(origin: ArrayLike, directions: ArrayLike, starts: Array, ends: Array, c
     Returns (n,).
 
     A beam o + t u meets the segment a + s e where  t = (a - o) × e / u × e  and  s = (a - o) × u / u × e;
-    it meets a circle at  t = p·u - sqrt(r² - (p × u)²)  with p the centre as seen from o.
+    it meets a circle at  t = p·u - sqrt(r² - (p × u)²)  with p the centre as seen from o.  A beam that runs along a
+    segment meets its nearer end, or starts on it.
     """
     o, directions = np.asarray(origin, dtype=float), np.asarray(directions, dtype=float)
     ux, uy = np.cos(directions), np.sin(directions)
@@ -116,13 +135,20 @@ def cast(origin: ArrayLike, directions: ArrayLike, starts: Array, ends: Array, c
             # A hair of tolerance, or beams would slip through the corner that two walls share.
             met = (t >= 0) & (s >= -1e-12) & (s <= 1 + 1e-12)
         nearest = np.minimum(nearest, np.where(met, t, np.inf).min(axis=0))
+        # Both ends on the beam's line: there u × e is zero, or whatever rounding made of it.
+        bx, by = ax + ex, ay + ey
+        row, beam = np.nonzero(np.maximum(abs(ax * uy - ay * ux), abs(bx * uy - by * ux)) < ON_THE_LINE)
+        if len(row):
+            ends_at = np.stack([(px * ux + py * uy)[row, beam] for px, py in ((ax, ay), (bx, by))])
+            t = np.where(ends_at.min(axis=0) >= 0, ends_at.min(axis=0), np.where(ends_at.max(axis=0) >= 0, 0.0, np.inf))
+            np.minimum.at(nearest, beam, t)
     if len(centres):
         px, py = (centres - o).T[..., None]
         along, across = px * ux + py * uy, px * uy - py * ux
         depth = radii[:, None] ** 2 - across**2
         t = along - np.sqrt(np.maximum(depth, 0.0))
         nearest = np.minimum(nearest, np.where((depth >= 0) & (t >= 0), t, np.inf).min(axis=0))
-    return nearest
+    return nearest + 0.0  # a wall right here is at 0, not at -0
 
 
 def _surfaces(arena: Arena, crates: Array) -> tuple[Array, Array, Array, Array]:

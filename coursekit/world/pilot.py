@@ -23,7 +23,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coursekit.doors import as_numbers
 from coursekit.geometry import Array, inverse, transform
+from coursekit.world._checks import count, number
 from coursekit.world.robot import World
 
 
@@ -31,7 +33,14 @@ from coursekit.world.robot import World
 class PID:
     """A proportional-integral-derivative loop with a bounded output.
 
-    kp, ki, kd : gains.     limit : of the output's size; the integral holds still while the output is at it.
+    kp, ki, kd : gains: output per error, per error · second, per error / second.
+    limit : of the output's size, > 0; the integral holds still while the output is at it (anti-windup).
+
+    Raises ValueError for gains that are not finite and for a limit that is not positive, TypeError for no numbers.
+
+    >>> loop = PID(kp=2.0, limit=1.0)
+    >>> loop(0.1, dt=0.05), loop(3.0, dt=0.05)
+    (0.2, 1.0)
     """
 
     kp: float
@@ -40,6 +49,9 @@ class PID:
     limit: float = np.inf
 
     def __post_init__(self) -> None:
+        for gain in ("kp", "ki", "kd"):
+            number(getattr(self, gain), gain)
+        number(self.limit, "limit", above=0.0, most=np.inf)
         self.reset()
 
     def reset(self) -> None:
@@ -48,7 +60,12 @@ class PID:
         self._last: float | None = None
 
     def __call__(self, error: float, dt: float) -> float:
-        """The output for this error, ``dt`` seconds after the last one."""
+        """The output for this error, ``dt`` seconds after the last one.
+
+        Raises ValueError for an error that is not finite, and for dt ≤ 0, which would stay in the integral for ever;
+        TypeError for what is no number.  The loop is then as it was.
+        """
+        error, dt = number(error, "error"), number(dt, "dt", above=0.0)
         slope = 0.0 if self._last is None else (error - self._last) / dt
         self._last = error
         wanted = self.kp * error + self.ki * (self._integral + error * dt) + self.kd * slope
@@ -82,6 +99,8 @@ class Pilot:
     speed, turn_rate : the most it commands, m/s and rad/s.
     tolerance : distance from a waypoint, m, at which it counts as reached.
     reverse : drive with the back in front, so that a camera keeps looking at what is left behind.
+
+    Raises ValueError for a speed, turn_rate or tolerance that is not positive.
     """
 
     speed: float = 0.5
@@ -90,8 +109,8 @@ class Pilot:
     reverse: bool = False
 
     def __post_init__(self) -> None:
-        if not (self.speed > 0 and self.turn_rate > 0 and self.tolerance > 0):
-            raise ValueError(f"expected speed, turn_rate and tolerance > 0, got {self}")
+        for name in ("speed", "turn_rate", "tolerance"):
+            number(getattr(self, name), name, above=0.0)
         self._heading = PID(kp=3.0, ki=0.2, kd=0.1, limit=self.turn_rate)
         self._distance = PID(kp=1.5, kd=0.05, limit=self.speed)
 
@@ -129,21 +148,22 @@ def drive(
 
     The world advances only while the caller iterates, which makes this the loop to hang sensors, recorders and
     progress bars on.  Raises ValueError for waypoints that are not finite (n, 2) and for a pose that is not a finite
-    [x, y, θ], TimeoutError when a leg takes too long: something stands in the way.
+    [x, y, θ], TypeError for what is no world, TimeoutError when a leg takes too long: something stands in the way.
     """
-    waypoints = np.atleast_2d(np.asarray(waypoints, dtype=float))
+    if not isinstance(world, World):
+        raise TypeError(f"world: expected a World, got {world!r}")
+    waypoints = np.atleast_2d(as_numbers(waypoints, "waypoints"))
     if waypoints.ndim != 2 or waypoints.shape[1] != 2 or not np.all(np.isfinite(waypoints)):
         raise ValueError(f"waypoints: expected finite points of shape (n, 2), got {waypoints}")
-    if not timeout >= 0:
-        raise ValueError(f"timeout: expected seconds ≥ 0, got {timeout!r}")
-    return _drive(world, waypoints, pilot or Pilot(), pose or (lambda: world.pose), timeout)
+    seconds = number(timeout, "timeout", least=0.0, most=np.inf)
+    return _drive(world, waypoints, pilot or Pilot(), pose or (lambda: world.pose), seconds)
 
 
 def _drive(
     world: World, waypoints: Array, pilot: Pilot, pose: Callable[[], ArrayLike], timeout: float
 ) -> Iterator[Step]:
     def where() -> Array:
-        here = np.asarray(pose(), dtype=float)
+        here = as_numbers(pose(), "pose")
         if here.shape != (3,) or not np.all(np.isfinite(here)):  # else NaN would count as arrived
             raise ValueError(f"pose: expected finite [x, y, θ], got {here}")
         return here
@@ -182,9 +202,11 @@ def octagon(side: float = 0.75, laps: int = 1, centre: ArrayLike = (0.0, 0.0)) -
 
 def polygon(corners: int, side: float, laps: int = 1, centre: ArrayLike = (0.0, 0.0)) -> Array:
     """Corners of a regular polygon with its first side on the right, running up from below, (corners × laps, 2)."""
-    if corners < 3 or not side > 0 or laps < 1:
-        raise ValueError(f"expected corners ≥ 3, side > 0 and laps ≥ 1, got {corners}, {side}, {laps}")
+    corners, side, laps = count(corners, "corners", least=3), number(side, "side", above=0.0), count(laps, "laps")
     radius = 0.5 * side / np.sin(np.pi / corners)
     turn = 2 * np.pi * (np.arange(corners) - 0.5) / corners
     ring = radius * np.stack([np.cos(turn), np.sin(turn)], axis=-1)
-    return np.asarray(centre, dtype=float) + np.tile(ring, (laps, 1))
+    middle = as_numbers(centre, "centre")
+    if middle.shape != (2,) or not np.all(np.isfinite(middle)):
+        raise ValueError(f"centre: expected finite [x, y], got {centre!r}")
+    return middle + np.tile(ring, (laps, 1))

@@ -3,8 +3,9 @@ r"""A differential-drive robot in a flat world with mass, friction and contacts,
 Seen from above there is no gravity in the plane; the floor acts through friction.  Motors turn the wheels at the
 commanded speeds as fast as their acceleration allows.  Tyres drag the body after the wheels with a force that
 friction bounds, so a robot that pushes a wall spins its wheels and its odometry counts metres that it never
-went.  Tyres also creep: over a control period each wheel's ground speed is off by a random share of its rim
-speed.  Encoders count ticks of the wheels and know nothing of any of this.
+went.  Tyres also slip a little all the time:
+over a control period each wheel's ground speed is off by a random share of its rim speed.  Encoders count ticks of
+the wheels and know nothing of any of this.
 
 >>> from coursekit.world.arena import Arena
 >>> world = World(Arena("nowhere"), seed=1)
@@ -20,67 +21,27 @@ Source: Siegwart, Nourbakhsh & Scaramuzza (2011), section 3.2, for the kinematic
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+import math
 
 import numpy as np
 import pymunk
 from numpy.typing import ArrayLike
 
+from coursekit.doors import as_numbers
 from coursekit.geometry import Array, wrap_angle
+from coursekit.world._checks import count, number
 from coursekit.world.arena import Arena, Crate
+from coursekit.world.barriers import Barriers, too_thin
+from coursekit.world.drive import GRAVITY, ROBOT, Drive, Robot
 
-GRAVITY = 9.81
+__all__ = ["GRAVITY", "OBSTACLE", "ROBOT", "Drive", "Robot", "World"]
+
 FLOOR_FRICTION = 0.3  # of a crate
-ROBOT, OBSTACLE = 1, 2  # collision types, and bits of the shapes' filter categories
-
-
-@dataclass(frozen=True)
-class Robot:
-    """What the robot is made of; the defaults are about a TurtleBot3 Waffle with a stronger motor.
-
-    radius, wheel_radius, track : m; the body is a disc, the wheels stand ``track`` apart on its diameter.
-    mass : kg.     traction : friction coefficient of the tyres.
-    max_speed, max_acceleration : of a wheel's rim, m/s and m/s².
-    slip : standard deviation of a wheel's creep over one control period, as a share of its rim speed.
-    ticks : encoder ticks in one turn of a wheel.
-    """
-
-    radius: float = 0.18
-    mass: float = 1.8
-    wheel_radius: float = 0.033
-    track: float = 0.287
-    max_speed: float = 1.3
-    max_acceleration: float = 2.0
-    traction: float = 0.8
-    slip: float = 0.03
-    ticks: int = 4096
-
-    def __post_init__(self) -> None:
-        for name, value in vars(self).items():
-            low_enough = value >= 0 if name == "slip" else value > 0
-            if not (np.isfinite(value) and low_enough):
-                raise ValueError(f"{name}: expected a number {'≥' if name == 'slip' else '>'} 0, got {value!r}")
-
-    def rim_speeds(self, v: float, omega: float) -> Array:
-        """[left, right] rim speeds in m/s for a body that moves at [v m/s, ω rad/s]."""
-        return np.array([v - 0.5 * omega * self.track, v + 0.5 * omega * self.track])
-
-    def body_speeds(self, rims: ArrayLike) -> Array:
-        """[v, ω] of rim speeds [left, right]; the inverse of ``rim_speeds``."""
-        left, right = np.asarray(rims, dtype=float)
-        return np.array([0.5 * (left + right), (right - left) / self.track])
-
-    def odometry_cov(self, v: float, omega: float, dt: float) -> Array:
-        """Covariance of the odometry's error [v, ω] over one control period of ``dt`` s: creep and ticks, (2, 2)."""
-        tick = 2 * np.pi * self.wheel_radius / self.ticks / dt
-        # A tick count is off by the difference of two uniform roundings, variance tick²/6.
-        variance = (self.slip * self.rim_speeds(v, omega)) ** 2 + tick**2 / 6
-        to_body = np.array([[0.5, 0.5], [-1 / self.track, 1 / self.track]])
-        return to_body * variance @ to_body.T
+OBSTACLE = 2  # collision type, and bit of the shapes' filter categories
 
 
 class World:
-    """One robot in one arena.
+    """A robot in an arena, alone or in company.
 
     Parameters
     ----------
@@ -88,8 +49,20 @@ class World:
     seed : of the slip, an int or a ``numpy.random.Generator``.
     robot : what it is made of.
     dt : the control period in seconds; physics runs ``substeps`` times in it.
+    others : (k, 3), where further robots of the same make start, [x, y, θ].  ``world.others`` are these robots, each
+        with ``pose``, ``velocity``, ``odometry``, ``encoders``, ``wheels`` and ``contact`` of its own; a lidar of
+        theirs is ``lidar.scan(world, pose=other.pose)``.  Cameras do not see robots, lidars do.
 
-    Raises ValueError when the robot would start inside something.
+    Nothing passes a wall, a cylinder or a crate.  Raises ValueError when the robot would start inside something, and
+    where one substep is too long to see a narrow robot or crate meet a wall; TypeError for what is no arena.
+
+    Two robots that drive at each other, and meet:
+
+    >>> world = World(Arena("hall"), seed=1, others=[[1.5, 0.0, np.pi]])
+    >>> for _ in range(60):
+    ...     world.step(0.5, 0.0, others=[[0.5, 0.0]])
+    >>> world.contact, world.others[0].contact, bool(abs(world.pose[0] - 0.75 + world.robot.radius) < 0.1)
+    (True, True, True)
     """
 
     def __init__(
@@ -99,34 +72,42 @@ class World:
         robot: Robot | None = None,
         dt: float = 0.05,
         substeps: int = 10,
+        others: ArrayLike = (),
     ) -> None:
-        if not (np.isfinite(dt) and dt > 0) or substeps < 1:
-            raise ValueError(f"expected dt > 0 s and substeps ≥ 1, got dt={dt}, substeps={substeps}")
-        self.arena, self.robot, self.dt, self.substeps = arena, robot or Robot(), float(dt), int(substeps)
-        self._rng = np.random.default_rng(seed)
-        self._steps = 0
-        self._rims = [0.0, 0.0]  # m/s, left and right: what the motors have reached
-        self._slip = self._creep()
-        self._travel = np.zeros(2)  # m that each rim has turned since the start
-        self._odometry = np.zeros(2)
-        self._contact = False
+        robot = Robot() if robot is None else robot
+        for name, value, kind in (("arena", arena, Arena), ("robot", robot, Robot)):
+            if not isinstance(value, kind):
+                hint = f"; Arena.load({value!r}) reads one" if isinstance(value, str) else ""
+                raise TypeError(f"{name}: expected {kind.__name__}(…), got {value!r}{hint}")
+        self.arena, self.robot = arena, robot
+        self.dt, self.substeps = number(dt, "dt", above=0.0), count(substeps, "substeps")
+        starts = as_numbers(others, "others") if np.size(others) else np.empty((0, 3))
+        if starts.ndim != 2 or starts.shape[1] != 3 or not np.isfinite(starts).all():
+            raise ValueError(f"others: expected a finite start [x, y, θ] for each, got {others!r}")
+        self._steps, rng = 0, np.random.default_rng(seed)
+        self._drive = Drive(robot, arena.start, rng)
+        own = rng.spawn(len(starts)) if len(starts) else []  # the first robot's slip is the same in company
+        self.others = tuple(Drive(robot, tuple(at), one) for at, one in zip(starts.tolist(), own, strict=True))
+        self._drives = (self._drive, *self.others)
         self.space = pymunk.Space()
-        self.space.on_collision(ROBOT, None, post_solve=self._touch)
         self._build()
+        self._refuse_what_could_pass_a_wall()
+        reach = dict.fromkeys((drive.body for drive in self._drives), 0.0)
+        reach |= {body: 0.5 * math.hypot(*crate.size) for body, crate in zip(self._crates, arena.crates, strict=True)}
+        self._barriers = Barriers(self.space, reach, robot.top_speed)
+        self.space.on_collision(ROBOT, None, post_solve=self._touch)
 
     # What the outside may know.
 
     @property
     def pose(self) -> Array:
         """T_world_robot = [x, y, θ], true."""
-        body = self._body
-        return np.array([*body.position, wrap_angle(body.angle)])
+        return self._drive.pose
 
     @property
     def velocity(self) -> Array:
         """[forward, leftward, turning] in m/s, m/s, rad/s in the robot's frame, true."""
-        body = self._body
-        return np.array([*body.velocity.rotated(-body.angle), body.angular_velocity])
+        return self._drive.velocity
 
     @property
     def time(self) -> float:
@@ -136,22 +117,22 @@ class World:
     @property
     def odometry(self) -> Array:
         """Measured [v m/s, ω rad/s] over the last control period, from whole encoder ticks."""
-        return self._odometry.copy()
+        return self._drive.odometry
 
     @property
     def encoders(self) -> np.ndarray:
         """Ticks counted since the start, [left, right]."""
-        return self._ticks()
+        return self._drive.encoders
 
     @property
     def wheels(self) -> Array:
         """True angular speeds of the wheels, [left, right] in rad/s."""
-        return np.array(self._rims) / self.robot.wheel_radius
+        return self._drive.wheels
 
     @property
     def contact(self) -> bool:
         """Did the robot touch anything during the last control period?"""
-        return self._contact
+        return self._drive.contact
 
     @property
     def crates(self) -> Array:
@@ -161,79 +142,60 @@ class World:
 
     # What moves it.
 
-    def step(self, v: float, omega: float) -> None:
+    def step(self, v: float, omega: float, others: ArrayLike = ()) -> None:
         """Drive for one control period with the command [v m/s, ω rad/s].
 
-        A command beyond ``max_speed`` is scaled down as a whole, which keeps the curvature of the path.
-        Raises ValueError for a command that is not finite.
-        """
-        if not (np.isfinite(v) and np.isfinite(omega)):
-            raise ValueError(f"command: expected finite [v, ω], got [{v}, {omega}]")
-        rims = self.robot.rim_speeds(v, omega)
-        goal = (rims / max(1.0, np.abs(rims).max() / self.robot.max_speed)).tolist()
-        self._contact = False
-        before, h = self._ticks(), self.dt / self.substeps
-        ramp = self.robot.max_acceleration * h
-        for i in range(self.substeps):
-            # pymunk moves bodies first and updates velocities after, so what is set now acts from the next substep
-            # on; the last one already belongs to the next period's creep.
-            if i == self.substeps - 1:
-                self._slip = self._creep()
-            self._travel += np.multiply(self._rims, h)
-            self._rims = [rim + min(max(g - rim, -ramp), ramp) for rim, g in zip(self._rims, goal, strict=True)]
-            self.space.step(h)
-        self._steps += 1
-        turned = (self._ticks() - before) * (2 * np.pi / self.robot.ticks)
-        self._odometry = self.robot.body_speeds(turned * self.robot.wheel_radius / self.dt)
+        others : (k, 2), the commands of the other robots; without them they brake.
 
-    def _roll(self, body: pymunk.Body, gravity: tuple[float, float], damping: float, h: float) -> None:
-        """pymunk's velocity update: tyres pull the body to the wheels' speeds, as hard as friction lets them."""
-        robot = self.robot
-        left, right = self._rims[0] * self._slip[0], self._rims[1] * self._slip[1]
-        turn = (right - left) / robot.track
-        # The velocity set here is held for h: aim it along the heading of half-way, and the arc comes out right.
-        heading = body.angle + 0.5 * turn * h
-        forward, sideways = body.velocity.rotated(-heading)
-        # Impulses that would bring each contact point to its wheel's speed.
-        grip = robot.traction * body.mass * GRAVITY * h
-        along = 0.5 * body.mass * (0.5 * (left + right) - forward)
-        about = body.moment * (turn - body.angular_velocity) / robot.track
-        across = -0.5 * body.mass * sideways
-        pull_left, slide_left = _bounded(along - about, across, 0.5 * grip)
-        pull_right, slide_right = _bounded(along + about, across, 0.5 * grip)
-        body.velocity += pymunk.Vec2d(pull_left + pull_right, slide_left + slide_right).rotated(heading) / body.mass
-        body.angular_velocity += 0.5 * robot.track * (pull_right - pull_left) / body.moment
+        A command beyond ``max_speed`` is scaled down as a whole, which keeps the curvature of the path.
+        Raises ValueError for a command that is not two finite numbers, or commands that are not one for each of the
+        others; TypeError for what is no number.
+        """
+        command = as_numbers(v, "command"), as_numbers(omega, "command")
+        if any(c.ndim or not np.isfinite(c) for c in command):
+            raise ValueError(f"command: expected finite [v, ω], got [{v}, {omega}]")
+        commands = as_numbers(others, "others") if np.size(others) else np.zeros((len(self.others), 2))
+        if commands.shape != (len(self.others), 2) or not np.isfinite(commands).all():
+            raise ValueError(f"others: expected finite [v, ω] for each of {len(self.others)}, got {others!r}")
+        for drive, aim in zip(self._drives, [(v, omega), *commands.tolist()], strict=True):
+            drive.aim(*aim)
+        h = self.dt / self.substeps
+        for i in range(self.substeps):
+            for drive in self._drives:
+                drive.turn_wheels(h, last=i == self.substeps - 1)
+            self._barriers.step(h)
+        self._steps += 1
+        for drive in self._drives:
+            drive.count(self.dt)
 
     def _touch(self, arbiter: pymunk.Arbiter, space: pymunk.Space, data: object) -> None:
-        self._contact = True
-
-    def _creep(self) -> list[float]:
-        """Ground speed over rim speed, left and right, for one control period."""
-        return [1.0 + self.robot.slip * float(n) for n in self._rng.standard_normal(2)]
-
-    def _ticks(self) -> np.ndarray:
-        per_metre = self.robot.ticks / (2 * np.pi * self.robot.wheel_radius)
-        return np.floor(self._travel * per_metre).astype(np.int64)
+        for drive in self._drives:
+            drive.contact |= drive.disc in arbiter.shapes
 
     def _build(self) -> None:
         static = self.space.static_body
         fixed: list[pymunk.Shape] = [pymunk.Segment(static, w.start, w.end, 0.0) for w in self.arena.walls]
         fixed += [pymunk.Circle(static, c.radius, c.position) for c in self.arena.cylinders]
-        self._body = pymunk.Body(self.robot.mass, pymunk.moment_for_circle(self.robot.mass, 0, self.robot.radius))
-        self._body.position, self._body.angle = self.arena.start[:2], self.arena.start[2]
-        self._body.velocity_func = self._roll
-        disc = pymunk.Circle(self._body, self.robot.radius)
-        disc.collision_type, disc.friction = ROBOT, 0.3
-        disc.filter = pymunk.ShapeFilter(categories=ROBOT)
         self._crates = [self._add_crate(crate) for crate in self.arena.crates]
         for shape in fixed:
             shape.friction = 0.5
             shape.filter = pymunk.ShapeFilter(categories=OBSTACLE)
-        self.space.add(*fixed, self._body, disc)
-        for hit in self.space.shape_query(disc):
-            if hit.shape is not disc and min(p.distance for p in hit.contact_point_set.points) < -1e-6:
-                raise ValueError(f"arena {self.arena.name!r}: the robot (radius {self.robot.radius} m) would start "
-                                 f"inside something at {list(self.arena.start)}")  # fmt: skip
+        self.space.add(*fixed)
+        for drive in self._drives:
+            self.space.add(drive.body, drive.disc)
+        for drive in self._drives:
+            for hit in self.space.shape_query(drive.disc):
+                if hit.shape is not drive.disc and max(abs(p.distance) for p in hit.contact_point_set.points) > 1e-6:
+                    raise ValueError(f"arena {self.arena.name!r}: the robot (radius {self.robot.radius} m) would start "
+                                     f"inside something at {drive.pose.tolist()}")  # fmt: skip
+
+    def _refuse_what_could_pass_a_wall(self) -> None:
+        arena, widths = self.arena, [("the robot", 2 * self.robot.radius)]
+        widths += [(f"crates[{i}]", min(crate.size)) for i, crate in enumerate(arena.crates)]
+        if not (arena.walls or arena.cylinders or arena.crates or self.others):
+            return
+        if found := too_thin(widths, self.robot.top_speed, self.dt / self.substeps):
+            raise ValueError(f"arena {arena.name!r}, dt={self.dt:g} s in {self.substeps} substeps: {found}")
 
     def _add_crate(self, crate: Crate) -> pymunk.Body:
         body = pymunk.Body(crate.mass, pymunk.moment_for_box(crate.mass, crate.size))
@@ -250,10 +212,3 @@ class World:
         spin.max_force = slide.max_force * 0.38 * np.sqrt(crate.size[0] * crate.size[1])
         self.space.add(slide, spin)
         return body
-
-
-def _bounded(pull: float, slide: float, limit: float) -> tuple[float, float]:
-    """An impulse in the ground plane, shortened to what friction can give."""
-    size = (pull * pull + slide * slide) ** 0.5
-    scale = 1.0 if size <= limit else limit / size
-    return pull * scale, slide * scale

@@ -15,7 +15,9 @@ import cv2
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from coursekit.doors import as_numbers
 from coursekit.geometry import Array, wrap_angle
+from coursekit.world._checks import count, number
 
 Image = NDArray[np.uint8]
 
@@ -32,7 +34,7 @@ SIGMA_V, SIGMA_OMEGA, SIGMA_SLIP = 4.0, 0.05, 0.4  # px/s, rad/s over a step; px
 @lru_cache(maxsize=1)
 def load() -> Image:
     """The committed map, (800, 2560, 3) uint8 BGR, read-only."""
-    from coursekit.datasets import project_file
+    from coursekit.recordings.datasets import project_file
 
     image = np.asarray(cv2.imread(str(project_file("seafloor.jpg")), cv2.IMREAD_COLOR), dtype=np.uint8)
     image.flags.writeable = False
@@ -63,9 +65,16 @@ def look(
     caustics : strength of the net of light that waves cast on the floor, 0.1 to 0.3; it moves with ``time`` (s).
     rng : draws the noise; needed when ``noise`` is not 0.
 
-    Raises ValueError for a pose that is not three finite numbers, and for noise without a generator.
+    Raises ValueError for a pose that is not three finite numbers, a setting that is negative or not finite, and noise
+    without a generator; TypeError for what is no number.
     """
-    pose = np.asarray(pose, dtype=float)
+    pose = as_numbers(pose, "pose")
+    number(scale, "scale", above=0.0)
+    number(offset, "offset")
+    number(time, "time")
+    for name, value in {"gain": gain, "blur": blur, "noise": noise, "caustics": caustics}.items():
+        number(value, name, least=0.0)
+    size = count(size, "size")
     if pose.shape != (3,) or not np.all(np.isfinite(pose)):
         raise ValueError(f"pose: expected a finite [u, v, yaw], got {pose}")
     if noise and rng is None:
@@ -143,8 +152,15 @@ def dive(
     kidnap_at : the step before whose end the robot is put down anywhere; no command tells of it.
     optics : blur, noise, caustics of the frames.
 
-    Raises ValueError when the map is too small for the view.
+    Raises ValueError when the map is too small for the view, for steps that are no whole number ≥ 0, a start that is no
+    pose and targets that are no points.
     """
+    steps = count(steps, "steps", least=0)
+    for name, value, width in (("start", start, 3), ("targets", targets, 2)):
+        if value is not None:
+            given = np.atleast_2d(as_numbers(value, name))
+            if given.ndim != 2 or given.shape[1] != width or not np.isfinite(given).all():
+                raise ValueError(f"{name}: expected {width} finite numbers each, got {value!r}")
     rng = np.random.default_rng([seed, 2**31])
     room = np.array(map_image.shape[1::-1], dtype=float)
     low, high = np.full(2, 0.9 * FRAME), room - 0.9 * FRAME

@@ -1,7 +1,8 @@
 r"""AprilTags: hung into the picture, found in it again, and turned into range and bearing that know how wrong they are.
 
-``quads`` makes the pictures that ``camera.render`` hangs up; ``detect`` finds them with OpenCV's detector and fits the
-four sides of each to a small fraction of a pixel; ``measure`` asks which upright square would look like that.
+``quads`` makes the pictures that ``camera.render`` hangs up; ``detect``, from ``tag_detector``, finds them with
+OpenCV's detector and fits the four sides of each to a small fraction of a pixel; ``measure`` asks which upright square
+would look like that.
 
 >>> from coursekit.pinhole import COURSE_CAMERA
 >>> from coursekit.world.arena import Tag
@@ -21,7 +22,6 @@ Source: Olson (2011) for the tags; Hartley & Zisserman (2004), section 5.1, for 
 from __future__ import annotations
 
 from collections.abc import Iterable
-from dataclasses import dataclass
 from functools import lru_cache
 
 import cv2
@@ -33,28 +33,24 @@ from coursekit.pinhole import Camera
 from coursekit.results import Rejected
 from coursekit.world.arena import Tag
 from coursekit.world.backdrop import Image
-from coursekit.world.quads import Quad
+from coursekit.world.flat_pictures import Quad
+from coursekit.world.tag_detector import FAMILIES, Detection, detect, dictionary
+
+__all__ = [
+    "CELLS", "EXPOSURE", "FAMILIES", "MARGIN", "Detection",
+    "corner_cov", "detect", "measure", "measurement_cov", "quads", "tag_corners", "tag_corners_jacobian",
+]  # fmt: skip
 
 CELLS = 8  # across a tag's black square
 MARGIN = 1  # white cells around it, on the paper
 _TEXELS = 20  # per cell
-_CONTRAST = 15  # grey levels that a side must rise by
 _MISFIT = 33.4  # χ² with four degrees of freedom: one good detection in a million is worse
-_BORDER = 6  # pixels that a side has to keep from the picture's edge, to be fitted
 EXPOSURE = {"light": 0.5, "noise": 12.0, "blur": 1.0}
 """How Lab 5's camera sees: a dim hall and a soft lens.  ``corner_cov`` was measured on views rendered like this."""
 # Standard deviation of a fitted corner in pixels, on a large tag; what a cell of one pixel adds, falling with its
 # square; and the correlation of a side's two ends: a line that is too high at one end is mostly too low at the other.
 # tests/world/test_tags.py holds all three to rendered views.
 CORNER_FLOOR, CORNER_ALIASING, CORNER_CORRELATION = 0.11, 1.6, -0.6
-
-
-@dataclass(frozen=True, eq=False)
-class Detection:
-    """A tag in a picture: its id, and the corners of its black square, (4, 2) pixels, clockwise from the top left."""
-
-    id: int
-    corners: Array
 
 
 def quads(tags: Iterable[Tag]) -> list[Quad]:
@@ -88,23 +84,6 @@ def tag_corners_jacobian(tag: ArrayLike, size: float) -> Array:
     return J
 
 
-def detect(image: Image) -> list[Detection]:
-    """Every tag that is wholly in the picture, (h, w, 3) BGR; none is a result like any other.
-
-    OpenCV's detector decodes the tags; its corners, good to half a pixel, are then moved to where straight lines
-    fitted to the four sides meet.  Tags too near the picture's border or too oblique for that are left out.
-    """
-    image = np.asarray(image)
-    if image.ndim != 3 or image.shape[2] != 3 or image.dtype != np.uint8 or not image.size:
-        raise ValueError(f"image: expected (h, w, 3) uint8, got {image.shape} {image.dtype}")
-    corners, ids, _ = _detector().detectMarkers(image)
-    if ids is None:
-        return []
-    grey = cv2.cvtColor(image, cv2.COLOR_BGR2GRAY)
-    found = [(int(i), _refined(grey, c.reshape(4, 2).astype(float))) for i, c in zip(ids.ravel(), corners, strict=True)]
-    return [Detection(i, c) for i, c in found if c is not None]
-
-
 def measure(seen: Detection, camera: Camera, size: float, camera_offset: float = 0.0) -> tuple[Array, Array] | Rejected:
     """Range [m] and bearing [rad] of a tag's centre from the robot's centre, (2,), and their covariance, (2, 2).
 
@@ -120,9 +99,9 @@ def measure(seen: Detection, camera: Camera, size: float, camera_offset: float =
         raise ValueError(f"expected size > 0 and a finite camera_offset in metres, got {size} and {camera_offset}")
     wide = (seen.corners[[1, 2]] - seen.corners[[0, 3]])[:, 0].mean()
     high = (seen.corners[[3, 2]] - seen.corners[[0, 1]])[:, 1].mean()
-    if min(wide, high) < 0.5 * CELLS:
+    if min(wide, high) < 0.5 * seen.cells:
         return Rejected(f"no upright square looks like this: {wide:.1f} pixels wide, {high:.1f} high")
-    whiten = np.asarray(np.linalg.cholesky(corner_cov(seen.corners)))
+    whiten = np.asarray(np.linalg.cholesky(corner_cov(seen.corners, seen.cells)))
     left, right = seen.corners[[0, 3]].mean(axis=0), seen.corners[[1, 2]].mean(axis=0)
     heights = np.linalg.norm(seen.corners[[3, 2]] - seen.corners[[0, 1]], axis=1)
     x = camera.fy * size / heights.mean()
@@ -144,7 +123,7 @@ def measurement_cov(tag: Tag, T_camera_tag: ArrayLike, camera: Camera, camera_of
     return _range_bearing(pose, J.T @ J, camera_offset)[1]
 
 
-def corner_cov(corners: ArrayLike) -> Array:
+def corner_cov(corners: ArrayLike, cells: int = CELLS) -> Array:
     """The covariance of the corners [u₁, v₁, …, u₄, v₄], (8, 8) pixels²: the narrower a tag's cells, the larger.
 
     A corner's u comes from the line on its left or right, its v from the line above or below.
@@ -152,8 +131,8 @@ def corner_cov(corners: ArrayLike) -> Array:
     c = np.asarray(corners, dtype=float)
     width = np.abs(c[[1, 2], 0] - c[[0, 3], 0]).mean()
     height = np.abs(c[[3, 2], 1] - c[[0, 1], 1]).mean()
-    cells = np.maximum([width, height], 1.0) / CELLS
-    cov = np.tile(np.hypot(CORNER_FLOOR, CORNER_ALIASING / cells**2) ** 2, 4) * np.eye(8)
+    cell = np.maximum([width, height], 1.0) / cells
+    cov = np.tile(np.hypot(CORNER_FLOOR, CORNER_ALIASING / cell**2) ** 2, 4) * np.eye(8)
     for i, j in ((0, 6), (2, 4), (1, 3), (5, 7)):  # u of the left and the right side's ends, v of the upper and lower
         cov[i, j] = cov[j, i] = CORNER_CORRELATION * cov[i, i]
     return cov
@@ -194,65 +173,10 @@ def _range_bearing(tag: Array, information: Array, camera_offset: float) -> tupl
     return np.array([r, np.arctan2(y, x)]), 0.5 * (R + R.T)
 
 
-def _refined(grey: Image, corners: Array, samples: int = 24, reach: float = 2.5) -> Array | None:
-    """Corners where lines meet that are fitted to the four sides, or None where a side cannot be told."""
-    for _ in range(4):  # noise pulls the centre of a rise to the middle of the window, so move the window there too
-        start, end = corners, np.roll(corners, -1, axis=0)
-        along = end - start
-        length = np.linalg.norm(along, axis=1, keepdims=True)
-        along = along / length
-        outward = np.stack([along[:, 1], -along[:, 0]], axis=-1)
-        # Look no farther than one cell to either side: beyond are other edges.
-        depth = 2 * np.abs(np.sum((0.5 * (start + end) - corners.mean(axis=0)) * outward, axis=1, keepdims=True))
-        if np.min(length) < CELLS or _leaves(corners, grey.shape):
-            return None
-        s = np.linspace(0.12, 0.88, samples) * length
-        t = np.linspace(-1, 1, 21) * np.clip(depth / CELLS, 1.0, reach)
-        places = (start[:, None, None] + s[..., None, None] * along[:, None, None]
-                  + t[:, None, :, None] * outward[:, None, None])  # fmt: skip
-        u, v = (places[..., i].reshape(4 * samples, -1).astype(np.float32) for i in (0, 1))
-        brightness = cv2.remap(grey, u, v, cv2.INTER_LINEAR).reshape(4, samples, -1).astype(float)
-        # From dark to bright going out, the edge is the centre of the rise; what falls belongs to the tag's inside.
-        rise = np.clip(np.diff(brightness, axis=2), 0, None)
-        if np.min(rise.sum(axis=2).mean(axis=1)) < _CONTRAST:
-            return None
-        total = np.maximum(rise.sum(axis=2), 1e-6)
-        offset = (rise * (0.5 * (t[:, 1:] + t[:, :-1]))[:, None]).sum(axis=2) / total
-        from_middle = s - 0.5 * length
-        slope = np.sum(offset * from_middle, axis=1) / np.sum(from_middle**2, axis=1)
-        points = 0.5 * (start + end) + outward * offset.mean(axis=1, keepdims=True)
-        directions = along + outward * slope[:, None]
-        corners = np.array([_meet(points[i - 1], directions[i - 1], points[i], directions[i]) for i in range(4)])
-    return corners
-
-
-def _leaves(corners: Array, shape: tuple[int, ...]) -> bool:
-    h, w = shape[:2]
-    return bool(np.any(corners < _BORDER) or np.any(corners > np.array([w, h]) - 1 - _BORDER))
-
-
-def _meet(p: Array, d: Array, q: Array, e: Array) -> Array:
-    """Where the line p + a d meets the line q + b e."""
-    a, _ = np.linalg.solve(np.stack([d, -e], axis=-1), q - p)
-    return np.asarray(p + a * d)
-
-
 @lru_cache(maxsize=64)
 def _texture(tag_id: int) -> Image:
-    square = cv2.aruco.generateImageMarker(_dictionary(), tag_id, CELLS * _TEXELS)
+    square = cv2.aruco.generateImageMarker(dictionary("apriltag_36h11"), tag_id, CELLS * _TEXELS)
     white = MARGIN * _TEXELS
     paper = cv2.copyMakeBorder(square, white, white, white, white, cv2.BORDER_CONSTANT, value=255)
     # Printed black is dark grey, and paper is not a lamp: neither end of the scale is reached, and none clips noise.
     return np.asarray(cv2.cvtColor(cv2.convertScaleAbs(paper, alpha=0.7, beta=40), cv2.COLOR_GRAY2BGR), dtype=np.uint8)
-
-
-@lru_cache(maxsize=1)
-def _dictionary() -> cv2.aruco.Dictionary:
-    return cv2.aruco.getPredefinedDictionary(cv2.aruco.DICT_APRILTAG_36h11)
-
-
-@lru_cache(maxsize=1)
-def _detector() -> cv2.aruco.ArucoDetector:
-    parameters = cv2.aruco.DetectorParameters()
-    parameters.cornerRefinementMethod = cv2.aruco.CORNER_REFINE_NONE
-    return cv2.aruco.ArucoDetector(_dictionary(), parameters)

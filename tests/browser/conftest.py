@@ -38,7 +38,10 @@ def browser(tmp_path_factory):
 
     with sync_playwright() as playwright:
         context = playwright.chromium.launch_persistent_context(
-            tmp_path_factory.mktemp("profile"), executable_path=CHROMIUM, args=ARGUMENTS
+            tmp_path_factory.mktemp("profile"),
+            executable_path=CHROMIUM,
+            args=ARGUMENTS,
+            bypass_csp=True,  # the tests bring scripts of their own; test_gates.py looks at the policy itself
         )
         context.set_default_timeout(20_000)
         yield context

@@ -1,5 +1,8 @@
 """Every slider of the built book, moved by keyboard, from a server and from a folder on disk."""
 
+import json
+import statistics
+
 import pytest
 
 from tests.browser.conftest import HTML
@@ -10,6 +13,7 @@ pytestmark = pytest.mark.browser
 # The picture as it is on the screen now: the address of its frame, and a digest of its pixels where a page may read
 # them (a page from disk may not).
 PICTURE = """async (image) => {
+  await new Promise((settled) => setTimeout(settled)); // the script has heard of the key
   await image.decode();
   const seen = { frame: image.currentSrc, words: image.alt, pixels: "" };
   if (location.protocol === "file:") return seen;
@@ -115,7 +119,7 @@ def test_controls_have_names_and_say_their_values(page, site, name):
             slider.focus()
             page.keyboard.press("Home" if int(slider.input_value()) else "End")
             assert slider.get_attribute("aria-valuetext") != before
-            shown = slider.evaluate("(s) => s.parentElement.querySelector('output').textContent")
+            shown = slider.evaluate("(s) => s.closest('.explorer-control').querySelector('output').textContent")
             assert shown == slider.get_attribute("aria-valuetext")
         for group in explorer.locator("fieldset").all():
             assert group.locator("legend").inner_text().strip()
@@ -125,14 +129,14 @@ def test_controls_have_names_and_say_their_values(page, site, name):
 def test_play_runs_through_the_values_and_stops(page, site, name):
     for explorer in settle(page, f"{site}/{name}"):
         for button in explorer.locator(".explorer-play").all():
-            slider = button.locator("xpath=following-sibling::input").first
+            slider = button.locator("xpath=..").locator("input")
             slider.focus()
             page.keyboard.press("Home")
             button.focus()
             page.keyboard.press("Enter")
             end = slider.get_attribute("max")
             page.wait_for_function("([s, end]) => s.value === end", arg=[slider.element_handle(), end])
-            assert button.inner_text() == "▶"
+            page.wait_for_function("(b) => b.textContent === '▶'", arg=button.element_handle())
 
 
 def test_a_frame_is_fetched_when_it_is_needed_and_not_before(page, site):
@@ -147,3 +151,78 @@ def test_a_frame_is_fetched_when_it_is_needed_and_not_before(page, site):
     explorers = settle(page, f"{site}/{name}")
     page.wait_for_timeout(500)
     assert len(asked) <= 12 * len(explorers)
+
+
+TALKING = [n for n in every_page_with_sliders.args[1] if 'class="explorer-set"' in (HTML / n).read_text("utf-8")]
+
+
+# A phrase may stand in an answer that is still folded.
+UNFOLD = "(p) => { for (let d = p.closest('details'); d; d = d.parentElement.closest('details')) d.open = true; }"
+
+
+@pytest.mark.parametrize("name", TALKING)
+def test_a_phrase_sets_the_explorer_keeps_the_focus_and_the_text_follows(page, site, name):
+    settle(page, f"{site}/{name}")
+    for phrase in page.locator(".explorer-set").all():
+        explorer = page.locator(f'.explorer[data-explorer="{phrase.get_attribute("data-sets")}"]')
+        phrase.evaluate(UNFOLD)
+        phrase.focus()
+        page.keyboard.press("Enter")
+        explorer.locator("img").evaluate(PICTURE)
+        for parameter, position in json.loads(phrase.get_attribute("data-positions")).items():
+            control = explorer.locator(f'[data-name="{parameter}"]')
+            assert control.locator("input[type=range], input:checked").input_value() == str(position)
+        assert phrase.evaluate("(p) => p === document.activeElement")
+        for word in page.locator(f'.explorer-read[data-reads="{phrase.get_attribute("data-sets")}"]').all():
+            assert word.text_content() == explorer.evaluate(
+                "(e, name) => e.facts[name]", word.get_attribute("data-fact")
+            )
+    assert page.complaints == []
+
+
+@pytest.mark.parametrize("width", [1440, 1920])
+def test_a_figure_stays_beside_its_section_on_a_wide_screen_and_in_its_place_on_a_narrow_one(page, site, width):
+    beside = [n for n in every_page_with_sliders.args[1] if "tag_beside" in (HTML / n).read_text("utf-8")]
+    assert beside
+    page.set_viewport_size({"width": width, "height": 900})
+    settle(page, f"{site}/{beside[0]}")
+    cell, text = page.locator(".tag_beside").first, page.locator("section:has(> .tag_beside) > p").first
+    left, right = text.bounding_box(), cell.bounding_box()
+    assert left["x"] + left["width"] <= right["x"] and right["x"] + right["width"] <= width
+    assert cell.evaluate("(c) => getComputedStyle(c).position") == "sticky"
+    page.set_viewport_size({"width": 1100, "height": 900})
+    assert cell.evaluate("(c) => getComputedStyle(c).position") == "static"
+    assert cell.bounding_box()["y"] >= text.bounding_box()["y"] + text.bounding_box()["height"]
+
+
+# From the input event to the decoded picture, for each step of each slider there and back, in ms.
+LATENCY = """async (explorer) => {
+  const image = explorer.querySelector("img"), times = [];
+  const settled = () => new Promise((resolve) => setTimeout(resolve, 60));
+  for (const input of explorer.querySelectorAll("input[type=range]")) {
+    for (const way of [1, -1]) for (let k = 0; k < 3; k++) {
+      input.value = Number(input.value) + way;
+      const before = image.src, began = performance.now();
+      input.dispatchEvent(new Event("input", { bubbles: true }));
+      await Promise.resolve();
+      await Promise.resolve();
+      if (image.src === before) continue; // the end of the slider
+      await image.decode();
+      times.push(performance.now() - began);
+      await settled();
+    }
+  }
+  return times;
+}"""
+
+
+@every_page_with_sliders
+def test_a_picture_follows_its_slider_at_once(page, site, name):
+    """The median: one step may meet another process on a busy machine."""
+    times = []
+    for explorer in settle(page, f"{site}/{name}"):
+        explorer.scroll_into_view_if_needed()
+        page.wait_for_timeout(500)
+        times += explorer.evaluate(LATENCY)
+    assert statistics.median(times) < 50, "15 ms on an idle machine"
+    print(f"{name}: median {statistics.median(times):.1f} ms of {len(times)}")

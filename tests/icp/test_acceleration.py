@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from coursekit import icp
-from coursekit.icp.acceleration import Anderson, spread_out, subset_sizes
+from coursekit.icp.acceleration import Anderson, quasi_random_subset, subset_sizes
 from tests.icp.clouds import bumps, motion, problem, room
 
 
@@ -14,12 +14,12 @@ def test_subsets_grow_to_the_whole_and_never_start_below_the_smallest():
 
 @pytest.mark.parametrize("n", [100, 5750, 99_991])
 def test_a_subset_is_evenly_spread_and_out_of_step_with_any_scanner(n):
-    chosen = spread_out(n, 64)
+    chosen = quasi_random_subset(n, 64)
     assert 60 <= len(chosen) <= 64 and len(np.unique(chosen)) == len(chosen)
     assert np.diff(chosen).max() < 4 * n / 64
     for period in (4, 16, 32, 64):  # of a scanner with so many rows: each row is met
         assert len(np.unique(chosen % period)) > 0.4 * min(period, len(chosen))
-    assert np.array_equal(spread_out(n, n), np.arange(n))
+    assert np.array_equal(quasi_random_subset(n, n), np.arange(n))
 
 
 def test_mixing_finds_the_fixed_point_of_a_slow_iteration_in_a_few_looks():

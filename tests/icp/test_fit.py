@@ -7,11 +7,11 @@ from scipy.optimize import least_squares
 from scipy.stats import norm
 
 from coursekit import geometry
-from coursekit.icp import KERNELS, Undetermined, move, point_to_plane, point_to_point
+from coursekit.icp import KERNELS, DegenerateGeometry, move, point_to_plane, point_to_point
 from tests.icp.clouds import motion
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(seed=st.integers(0, 2**32 - 1), d=st.sampled_from([2, 3]), angle=st.floats(0, np.pi), far=st.floats(0, 1e3))
 def test_exact_pairs_give_the_motion_back_whatever_its_size(seed, d, angle, far):
     rng = np.random.default_rng(seed)
@@ -84,7 +84,7 @@ SQUARE = np.array([[1.0, 1], [-1, 1], [-1, -1], [1, -1]])
     ],
 )
 def test_pairs_that_leave_the_rotation_open_say_so(p, q):
-    with pytest.raises(Undetermined, match="do not determine the rotation"):
+    with pytest.raises(DegenerateGeometry, match="do not determine the rotation"):
         point_to_point(p, q)
 
 
@@ -118,8 +118,14 @@ def test_a_step_onto_parallel_planes_does_not_slide_along_them():
     assert abs(T[0, 2]) < 1e-2
 
 
+def test_damping_holds_a_step_back_by_a_thousandth_where_normals_point_every_way():
+    shift = np.array([0.02, -0.01])
+    T = point_to_plane(SQUARE, SQUARE + shift, SQUARE / np.sqrt(2))
+    assert T[:2, 2] == pytest.approx(shift / 1.001, rel=1e-9)
+
+
 def test_a_step_onto_planes_from_one_point_says_that_the_rotation_is_open():
-    with pytest.raises(Undetermined):
+    with pytest.raises(DegenerateGeometry):
         point_to_plane(np.ones((5, 3)), np.zeros((5, 3)), np.tile([0, 0, 1.0], (5, 1)))
 
 
@@ -142,3 +148,25 @@ def test_moving_ten_thousand_points_is_moving_each():
     rng = np.random.default_rng(7)
     points, T = rng.normal(size=(20_000, 3)), motion(3, 1.0, 2.0, np.ones(3), rng)
     assert move(T, points) == pytest.approx(points @ T[:3, :3].T + T[:3, 3])
+
+
+@pytest.mark.parametrize(
+    ("call", "error", "said"),
+    [
+        (lambda: point_to_point("p", "q"), TypeError, "p: expected real numbers, got 'p'"),
+        (lambda: point_to_point([[0, 0]], [[0, 0], [1, 1]]), ValueError, "expected one partner for each point"),
+        (lambda: point_to_point([[0, 0], [1, 0]], [[0, 0, 0], [1, 1, 1]]), ValueError, r"q: .*\(n, 2\), got \(2, 3\)"),
+        (lambda: point_to_point([[0, 0], [1, 0]], [[0, 0], [1, 1]], [1, -1]), ValueError, "weights: expected 2 finite"),
+        (lambda: point_to_plane([[0, 0]], [[1, 0]], [[0, 0]]), ValueError, "normals: .* none of them zero"),
+        (lambda: move([1, 2, 0.3], [[0, 0]]), ValueError, "geometry.homogeneous makes one of a pose"),
+        (lambda: move(np.eye(3), None), TypeError, "points: expected real numbers, got None"),
+    ],
+)
+def test_what_is_no_pair_and_no_motion_gets_a_sentence(call, error, said):
+    with pytest.raises(error, match=said):
+        call()
+
+
+def test_lists_are_points_too():
+    quarter = point_to_point([[0, 0], [2, 0], [0, 1]], [[5, 1], [5, 3], [4, 1]])
+    assert move(quarter, [[2, 0]]).round(9).tolist() == [[5, 3]]

@@ -3,8 +3,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coursekit.icp import NOBODY, BruteForce, KdTree
+from coursekit.icp import NO_MATCH, BruteForce, KdTree
 from coursekit.icp.matching import closest
+from tests.work import within
 
 
 def assert_same(a, b):
@@ -13,7 +14,7 @@ def assert_same(a, b):
     assert a[2] == b[2]
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=60)
 @given(
     seed=st.integers(0, 2**32 - 1),
     d=st.sampled_from([2, 3]),
@@ -38,7 +39,7 @@ def test_the_nearest_is_the_nearest_and_ties_go_to_the_lower_index():
     points = np.array([[1.0, 1], [1.0, -0.1], [0.4, 1.9], [2, 2], [9, 9]])
     for search in (KdTree(target), BruteForce(target)):
         index, distance, tied = search.nearest(points, 3.0)
-        assert index.tolist() == [0, 0, 2, 3, NOBODY]
+        assert index.tolist() == [0, 0, 2, 3, NO_MATCH]
         assert distance == pytest.approx([2**0.5, 1.01**0.5, 0.17**0.5, 0, np.inf])
         assert tied == 2  # two points on one place are no tie
 
@@ -47,7 +48,7 @@ def test_the_reach_is_closed():
     target = np.array([[0.0, 0], [10, 0]])
     for search in (KdTree(target), BruteForce(target)):
         assert search.nearest(np.array([[3.0, 0]]), 3.0)[0] == [0]
-        assert search.nearest(np.array([[3.0, 0]]), np.nextafter(3.0, 0))[0] == [NOBODY]
+        assert search.nearest(np.array([[3.0, 0]]), np.nextafter(3.0, 0))[0] == [NO_MATCH]
 
 
 def test_the_tree_is_asked_only_about_points_that_may_have_changed_their_mind(monkeypatch):
@@ -79,3 +80,24 @@ def test_trimming_keeps_the_share_with_the_shortest_distances():
     assert closest(distance, 0.51).tolist() == [1, 3, 4]  # at least the share
     assert closest(distance, 0.01).tolist() == [1]
     assert closest(np.full(3, np.inf), 0.5).size == 0
+
+
+def test_a_driver_that_returns_zero_for_nothing_seen_does_not_slow_the_tree_down():
+    """Thousands of copies of one point are one place: asked about once, and not once for each copy."""
+    rng = np.random.default_rng(7)
+    target, points = rng.normal(size=(3000, 3)), rng.normal(size=(1500, 3))
+    target[:1000], points[:1000] = 0.0, 0.01
+    tree = KdTree(target)
+    found = within(3000, lambda: tree.nearest(points, np.inf))
+    assert_same(found, BruteForce(target).nearest(points, np.inf))
+    assert found[0][:1000].tolist() == [0] * 1000 and found[2] == 0
+
+
+@pytest.mark.parametrize("search", [KdTree, BruteForce])
+def test_what_is_no_cloud_gets_a_sentence(search):
+    with pytest.raises(ValueError, match=r"target: expected points of shape \(n, 2\) or \(n, 3\), got \(4,\)"):
+        search(np.zeros(4))
+    with pytest.raises(ValueError, match="target: expected at least 1 points, got 0"):
+        search(np.zeros((0, 2)))
+    with pytest.raises(ValueError, match=r"points: expected points of shape \(n, 2\), got \(5, 3\)"):
+        search(np.zeros((4, 2))).nearest(np.zeros((5, 3)), 1.0)

@@ -24,7 +24,7 @@ def expect_the_worlds_constants(found, commands, n):
     assert found.bias[0] == pytest.approx(0, abs=4 * error_v / np.std(commands[:, 0]))
     assert found.bias[1] == pytest.approx(seafloor.TURN_BIAS, abs=4 * error_omega)
     for sigma, truth in [(found.sigma_v, seafloor.SIGMA_V), (found.sigma_omega, seafloor.SIGMA_OMEGA),
-                         (found.sigma_slip, seafloor.SIGMA_SLIP)]:  # fmt: skip
+                         (found.sigma_pose, seafloor.SIGMA_SLIP)]:  # fmt: skip
         assert sigma == pytest.approx(truth, rel=4 / np.sqrt(2 * n) + 0.03)
 
 
@@ -80,3 +80,49 @@ def test_a_robot_that_always_got_the_same_command_still_shows_its_gain():
 def test_a_recording_that_cannot_tell_is_refused(poses, commands, dt, message):
     with pytest.raises(ValueError, match=message):
         calibrate(poses, commands, dt)
+
+
+def drive(errors, rng):
+    """Poses of 200 steps that go 50 px and turn 1 rad for each m and rad of the command, and ``errors`` [px] more."""
+    commands = rng.uniform([0.2, -0.3], [1.0, 0.3], (200, 2))
+    x, poses = np.zeros(3), [np.zeros(3)]
+    for (v, omega), error in zip(commands, errors, strict=True):
+        way, aside = (50 * v + error[0]) * np.sinc(omega / 2 / np.pi), error[1]
+        c, s = np.cos(x[2] + omega / 2), np.sin(x[2] + omega / 2)
+        x = x + np.array([c * way - s * aside, s * way + c * aside, omega])
+        poses.append(x)
+    return np.array(poses), commands
+
+
+def test_a_step_is_wild_beyond_four_robust_deviations_and_moves_nothing():
+    """Errors uniform in ±1 px have the robust deviation 1.4826 · 0.5 px: the cut lies at 2.97 px, far from all."""
+    errors = np.random.default_rng(7).uniform(-1, 1, (200, 2))
+    without = calibrate(*(part[:n] for part, n in zip(drive(errors, np.random.default_rng(8)), (200, 199))), 1.0)
+    assert without.steps == 199
+    for size, kept in ((2.4, True), (3.6, False), (12.0, False), (-12.0, False)):
+        wild = errors.copy()
+        wild[-1, 0] = size
+        found = calibrate(*drive(wild, np.random.default_rng(8)), 1.0)
+        assert found.steps == 199 + kept
+        if not kept:
+            assert found.gain == pytest.approx(without.gain, abs=1e-9)
+            assert found.bias == pytest.approx(without.bias, abs=1e-9)
+            assert found.sigma_v == pytest.approx(without.sigma_v, abs=1e-9)
+
+
+def test_a_recording_without_noise_keeps_every_step_and_a_noise_that_is_positive_definite():
+    """What is left of its errors is rounding, 1e-13 px, and decides nothing."""
+    poses, commands = drive(np.zeros((200, 2)), np.random.default_rng(9))
+    for far in (0.0, 2000.0):
+        found = calibrate(poses + np.array([far, -far, 0]), commands, 1.0)
+        assert found.steps == 200 and found.gain == pytest.approx([50, 1])
+        assert min(found.sigma_v, found.sigma_omega, found.sigma_pose) == pytest.approx(1e-6)
+        np.linalg.cholesky(found.motion.Q(np.zeros(3), found.control([0.5, 0.1]), 1.0))
+
+
+def test_noise_along_a_step_is_what_is_left_when_slip_which_points_every_way_is_taken_off():
+    """Errors of ±3 px along and ±2 px across: slip 2 px each way, and √(9 - 4) px a step from the speed."""
+    errors = np.stack([np.tile([3.0, -3.0, 3.0, -3.0], 50), np.tile([2.0, 2.0, -2.0, -2.0], 50)], axis=1)
+    found = calibrate(*drive(errors, np.random.default_rng(10)), 0.5)
+    assert found.sigma_pose == pytest.approx(2.0, rel=0.02)
+    assert found.sigma_v == pytest.approx(np.sqrt(5.0) / 0.5, rel=0.03)

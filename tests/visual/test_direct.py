@@ -17,7 +17,7 @@ def frame(sea):
 
 
 def test_at_full_size_it_is_the_correlation_with_the_window_one_would_cut_by_hand(sea, frame):
-    here = DirectMatcher(sea, level=0, grain=1e-6).correlation(frame)
+    here = DirectMatcher(sea, level=0, contrast_floor=1e-6).correlation(frame)
     for away in ([0, 0, 0], [5, 3, 0.05], [-40, 20, 1.0]):
         window = look(sea, POSE + away)
         by_hand = np.corrcoef(window.ravel().astype(float), frame.ravel().astype(float))[0, 1]
@@ -81,7 +81,7 @@ def test_colour_is_welcome(sea, frame):
     [
         (lambda sea: DirectMatcher(sea, level=-1), "level"),
         (lambda sea: DirectMatcher(sea, independent=2), "independent"),
-        (lambda sea: DirectMatcher(sea, grain=np.nan), "grain"),
+        (lambda sea: DirectMatcher(sea, contrast_floor=np.nan), "contrast_floor"),
         (lambda sea: DirectMatcher(sea[:40, :40], level=5), "too small for 5 halvings"),
         (lambda sea: DirectMatcher(sea).log_likelihood(np.full((400, 400), np.nan)), "uint8"),
         (lambda sea: DirectMatcher(sea).correlation(sea[:400, :400], np.nan), "scale"),

@@ -15,14 +15,16 @@ from coursekit.visual import (
     MapMatcher,
     VisualFilter,
     calibrate,
+    dominant_cluster,
     follow,
     heaviest,
     inflated,
     log_likelihood,
+    log_prediction,
     mean,
-    mode,
     odometry_from_image,
 )
+from coursekit.visual._fast_prediction import log_prediction_near
 from coursekit.visual.filtering import REPORT_SPREAD
 from coursekit.world.seafloor import DT, dive
 
@@ -57,7 +59,7 @@ def seen(pose, rng, cov=SHARP):
 
 
 def off(cloud, pose):
-    return float(np.hypot(*(mode(cloud).mean - pose)[:2]))
+    return float(np.hypot(*(dominant_cluster(cloud).mean - pose)[:2]))
 
 
 # --- likelihoods -------------------------------------------------------------------------------------------------
@@ -125,15 +127,43 @@ def test_the_mixed_cloud_is_the_product_of_prediction_and_fix():
 
 
 @pytest.mark.parametrize("heading", [0.0, 2.2, np.pi])
-def test_the_prior_that_weighs_the_drawn_particles_is_the_models_own(heading):
-    """Mean of the motion's samples' density at a point, by kernels with the model's Q, against the closed form."""
+def test_the_prediction_of_a_cloud_of_copies_is_the_models_own_density(heading):
     start = np.array([800.0, -400.0, heading])
     ahead, noise = MOTION.f(start, CONTROL, DT), MOTION.Q(start, CONTROL, DT)
     points = ahead + np.array([[0, 0, 0], [2.0, -1.0, 0.02], [-3.0, 2.0, -0.03]])
-    fix = Gaussian(ahead, SHARP)
-    found = visual()._log_prior(points, at(start, n=7, spread=(0, 0, 0)), CONTROL, DT, fix)
-    e = pose_residual(points, ahead)
-    assert found == pytest.approx(multivariate_normal(np.zeros(3), noise).logpdf(e))
+    found = log_prediction(points, at(start, n=7, spread=(0, 0, 0)), MOTION, CONTROL, DT)
+    assert found == pytest.approx(multivariate_normal(np.zeros(3), noise).logpdf(pose_residual(points, ahead)))
+
+
+@pytest.mark.parametrize("heading", [0.3, np.pi])
+def test_the_prediction_of_a_cloud_is_the_density_that_its_samples_have(heading):
+    """How many of 300,000 moved particles land in a small box, against p(x) times its volume: within 5 σ."""
+    rng = np.random.default_rng(6)
+    weights = np.array([0.5, 0.3, 0.2])
+    cloud = Particles(np.array([800.0, -400.0, heading]) + rng.standard_normal((3, 3)) * [4, 4, 0.05], np.log(weights),
+                      angles=(2,))  # fmt: skip
+    many = Particles(cloud.states[rng.choice(3, 300_000, p=weights)], angles=(2,))
+    moved = particles.predict(many, MOTION, CONTROL, DT, rng)
+    x, box = MOTION.f(cloud.states[0], CONTROL, DT), np.array([0.5, 0.5, 0.01])
+    share = np.mean(np.all(np.abs(pose_residual(moved.states, x)) < box / 2, axis=1))
+    grid = np.stack(np.meshgrid(*[b * (np.arange(5) - 2) / 5 for b in box]), axis=-1).reshape(-1, 3)
+    expected = np.exp(log_prediction(x + grid, cloud, MOTION, CONTROL, DT)).mean() * box.prod()
+    assert abs(share - expected) < 5 * np.sqrt(expected / 300_000)
+
+
+@pytest.mark.parametrize("heading", [0.3, np.pi])
+def test_the_fast_prediction_near_a_fix_is_the_plain_sum(heading):
+    rng = np.random.default_rng(7)
+    cloud = Particles(np.array([800.0, -400.0, heading]) + rng.standard_normal((200, 3)) * [3, 3, 0.1],
+                      rng.standard_normal(200), angles=(2,))  # fmt: skip
+    fix = Gaussian(MOTION.f(cloud.states[0], CONTROL, DT), SHARP)
+    points = fix.sample(rng, 50)
+    found = log_prediction_near(fix, points, cloud, MOTION, CONTROL, DT)
+    assert found == pytest.approx(log_prediction(points, cloud, MOTION, CONTROL, DT), abs=1e-8)
+    far = np.array([900.0, 0, 0])
+    assert np.all(
+        log_prediction_near(Gaussian(fix.mean + far, SHARP), points + far, cloud, MOTION, CONTROL, DT) == -np.inf
+    )
 
 
 # --- lost, carried off, misled, blind ----------------------------------------------------------------------------
@@ -188,10 +218,12 @@ def test_blind_it_grows_uncertain_and_the_truth_stays_inside():
         controls, poses = swim(rng, 25)
         clouds = list(follow(visual(), at([800, -400, 0.3], 500), controls, DT, [BLIND] * 25, rng))
         for cloud, pose in zip(clouds, poses, strict=True):
-            belief = mode(cloud)
+            belief = dominant_cluster(cloud)
             distance = mahalanobis_squared((pose - belief.mean)[:2], belief.cov[:2, :2])
             inside.append(distance < chi2.ppf(0.95, 2))
-        sizes.append([np.sqrt(np.linalg.det(mode(c).cov[:2, :2])) for c in (clouds[0], clouds[9], clouds[24])])
+        sizes.append(
+            [np.sqrt(np.linalg.det(dominant_cluster(c).cov[:2, :2])) for c in (clouds[0], clouds[9], clouds[24])]
+        )
     assert np.all(np.diff(sizes, axis=1) > 0) and np.mean(sizes, axis=0)[2] > 20 * np.mean(sizes, axis=0)[0]
     assert 0.90 <= np.mean(inside) <= 1.0
 
@@ -221,20 +253,20 @@ def test_with_a_direct_matcher_it_sees_where_features_fail(sea, matcher):
 def test_between_two_places_the_mean_is_where_the_robot_surely_is_not():
     two = np.vstack([at([300, -400, 1.0], 600, (3, 3, 0.1)).states, at([2000, -400, 1.0], 400, (3, 3, 0.1)).states])
     cloud = Particles(two, angles=(2,))
-    assert mode(cloud).mean[:2] == pytest.approx([300, -400], abs=1)
+    assert dominant_cluster(cloud).mean[:2] == pytest.approx([300, -400], abs=1)
     assert abs(mean(cloud).mean[0] - 300) > 500 and abs(mean(cloud).mean[0] - 2000) > 500
-    assert mode(cloud).cov[0, 0] == pytest.approx(9, rel=0.2)
+    assert dominant_cluster(cloud).cov[0, 0] == pytest.approx(9, rel=0.2)
 
 
-def test_the_mode_of_one_clump_is_its_mean_however_wide_it_is():
+def test_the_dominant_cluster_of_one_cluster_is_its_mean_however_wide_it_is():
     cloud = at([1000, -400, 3.1], 2000, (60, 30, 0.2))
-    assert mode(cloud).mean == pytest.approx(mean(cloud).mean, abs=2)
-    assert mode(cloud).cov[0, 0] == pytest.approx(3600, rel=0.1)
+    assert dominant_cluster(cloud).mean == pytest.approx(mean(cloud).mean, abs=2)
+    assert dominant_cluster(cloud).cov[0, 0] == pytest.approx(3600, rel=0.1)
 
 
-def test_between_two_clumps_far_apart_the_mode_needs_no_more_memory():
+def test_between_two_clusters_far_apart_the_dominant_one_needs_no_more_memory():
     states = np.vstack([at([0, 0, 0], n=20).states, at([1e9, -1e9, 1.0], n=30).states])
-    assert mode(Particles(states, angles=(2,))).mean == pytest.approx([1e9, -1e9, 1.0], abs=0.1)
+    assert dominant_cluster(Particles(states, angles=(2,))).mean == pytest.approx([1e9, -1e9, 1.0], abs=0.1)
 
 
 def test_after_resampling_the_greatest_weight_is_an_arbitrary_particle():
@@ -249,8 +281,27 @@ def test_after_resampling_the_greatest_weight_is_an_arbitrary_particle():
 
 
 def test_copies_of_one_particle_still_have_a_covariance_to_divide_by():
-    belief = mode(Particles(np.tile([5.0, 6.0, 0.1], (10, 1)), angles=(2,)))
-    assert np.linalg.eigvalsh(belief.cov).min() > 0
+    for belief in (dominant_cluster(copies := Particles(np.tile([5.0, 6.0, 0.1], (10, 1)), angles=(2,))), mean(copies)):
+        assert np.sqrt(np.diag(belief.cov)) == pytest.approx([1e-3, 1e-3, 1e-5], rel=1e-3)
+
+
+def test_a_cloud_on_a_line_of_the_maps_length_has_a_covariance_with_a_margin():
+    t = np.linspace(-1e7, 1e7, 500)
+    belief = mean(Particles(np.stack([t, 2 * t, np.zeros(500)], axis=1), angles=(2,)))
+    scale = np.sqrt(np.diag(belief.cov))
+    found = np.linalg.eigvalsh(belief.cov / np.outer(scale, scale))
+    assert found[0] / found[-1] > 0.9e-12
+
+
+def test_of_two_clusters_that_weigh_the_same_the_first_is_dominant_however_their_sums_are_rounded():
+    for n in (7, 30, 99, 100, 300):
+        here, there = at([300, -400, 1.0], n, (3, 3, 0.1)).states, at([2000, -400, 1.0], n, (3, 3, 0.1)).states
+        weights = np.random.default_rng(n).uniform(0.5, 1.5, n)
+        for states, log_weights in (
+            (np.vstack([here, there]), np.log(np.r_[weights, weights[::-1]])),
+            (np.vstack([there, here]), np.log(np.r_[weights[::-1], weights])),
+        ):
+            assert dominant_cluster(Particles(states, log_weights, angles=(2,))).mean[0] == pytest.approx(300, abs=10)
 
 
 # --- bad input ---------------------------------------------------------------------------------------------------
@@ -262,7 +313,7 @@ def test_a_few_particles_are_enough_to_run(n):
     cloud = visual().uniform(n, rng)
     for _ in range(3):
         cloud = visual().step(cloud, CONTROL, DT, Gaussian([500.0, -400.0, 0.0], SHARP), rng)
-    assert len(cloud) == n and np.isfinite(mode(cloud).mean).all()
+    assert len(cloud) == n and np.isfinite(dominant_cluster(cloud).mean).all()
 
 
 @pytest.mark.parametrize(
@@ -278,13 +329,12 @@ def test_a_few_particles_are_enough_to_run(n):
         (lambda: visual(kidnap=-1.0), "kidnap"),
         (lambda: VisualFilter((800,), MOTION), "map_shape"),
         (lambda: VisualFilter((800, np.nan), MOTION), "map_shape"),
-        (lambda: mode(at([0, 0, 0]), cell=0), "cell"),
+        (lambda: dominant_cluster(at([0, 0, 0]), cell=0), "cell"),
         (lambda: log_likelihood(Gaussian(np.zeros(2), np.eye(2))), "over 2 numbers"),
         (
             lambda: visual().step(at([0, 0, 0]), CONTROL, DT, Gaussian([0, 0], np.eye(2)), np.random.default_rng(0)),
             "over 2 numbers",
         ),
-        (lambda: visual().step(at([0, 0, 0]), CONTROL, DT, None, np.random.default_rng(0)), "got NoneType"),
         (lambda: visual().step(at([0, 0, 0]), [np.nan, 0], DT, BLIND, np.random.default_rng(0)), "finite"),
         (lambda: Gaussian(np.zeros(3), -np.eye(3)), "positive definite"),
         (lambda: inflated(Gaussian(np.zeros(3), SHARP), [50, 50, 0]), "positive definite"),
@@ -294,6 +344,34 @@ def test_a_few_particles_are_enough_to_run(n):
 def test_settings_and_clouds_that_make_no_sense_are_refused(call, message):
     with pytest.raises(ValueError, match=message):
         call()
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda rng: visual().step(at([0, 0, 0]), CONTROL, DT, None, rng), "measured: .* got NoneType"),
+        (
+            lambda rng: visual().step(np.zeros((9, 3)), CONTROL, DT, BLIND, rng),
+            "cloud: expected Particles, got ndarray",
+        ),
+        (lambda rng: visual().step(at([0, 0, 0]), CONTROL, DT, BLIND, 7), "rng: expected a numpy.random.Generator"),
+        (lambda rng: VisualFilter(MAP, DifferentialDrive), "the class DifferentialDrive itself"),
+        (lambda rng: VisualFilter(None, MOTION), "map_shape"),
+        (lambda rng: visual(share="a third"), "share: expected real numbers"),
+        (lambda rng: visual(direct="yes"), "direct: expected a DirectMatcher"),
+        (lambda rng: dominant_cluster(np.zeros((9, 3))), "cloud: expected Particles, got ndarray"),
+        (lambda rng: mean((np.zeros((9, 3)), np.ones(9))), "cloud: expected Particles, got tuple"),
+        (lambda rng: heaviest(None), "cloud: expected Particles, got NoneType"),
+        (lambda rng: log_likelihood(np.zeros(3)), "fix: expected a Gaussian"),
+        (lambda rng: inflated("the report's"), "fix: expected a Gaussian"),
+        (lambda rng: log_prediction(np.zeros((1, 3)), np.zeros((9, 3)), MOTION, CONTROL, DT), "before: expected Part"),
+        (lambda rng: odometry_from_image("north"), "pose: expected real numbers"),
+        (lambda rng: calibrate("poses", "commands", 0.5), "poses: expected real numbers"),
+    ],
+)
+def test_what_is_of_another_kind_gets_a_sentence(call, message):
+    with pytest.raises(TypeError, match=message):
+        call(np.random.default_rng(0))
 
 
 def test_controls_and_measurements_must_come_in_pairs():
@@ -328,7 +406,7 @@ def test_with_a_thousand_particles_the_filter_is_no_worse_than_its_sensor(crossi
     calibrated = calibrate(seen_poses, recorded.commands, DT)
     robot = VisualFilter(MAP, calibrated.motion)
     controls = calibrated.control(recorded.commands)
-    beliefs = [mode(c) for c in follow(robot, robot.uniform(1000, rng), controls, DT, fixes[1:], rng)]
+    beliefs = [dominant_cluster(c) for c in follow(robot, robot.uniform(1000, rng), controls, DT, fixes[1:], rng)]
     error = pose_residual([b.mean for b in beliefs], poses[1:])
     sensor = pose_residual(seen_poses[1:], poses[1:])
     found, blind = matched[1:].copy(), ~matched[1:]

@@ -3,8 +3,8 @@ from dataclasses import FrozenInstanceError, replace
 import numpy as np
 import pytest
 
-from coursekit.datasets import project_file
 from coursekit.geometry import wrap_angle
+from coursekit.recordings.datasets import project_file
 from coursekit.world.arena import COLOURS, Arena, Crate, Cylinder, Tag, Wall
 from coursekit.world.robot import World
 
@@ -90,6 +90,45 @@ def test_a_wrong_file_is_told_by_file_key_expectation_and_finding(case, tmp_path
         Arena.load(path)
     for fragment in ["wrong.toml", *fragments]:
         assert fragment in str(caught.value)
+
+
+ODD = Arena(
+    'a "yard"\\\n\x7f ü',
+    walls=(Wall((0, 1e22), (1e-300, 0.1)),),
+    cylinders=(Cylinder((1 / 3, -0.0), 0.07, 0.4, "red"),),
+    crates=(Crate((1, 2, 0.3), (0.2, 0.5), 2.5), Crate((np.pi, 0, 0))),
+    tags=(Tag(np.int64(7), (1, 2), -0.1, 0.2, 0.3),),
+    start=(0.1, 0.2, 0.3),
+)
+
+
+@pytest.mark.parametrize("arena", [ODD, Arena("empty"), *map(Arena.load, NAMES)], ids=lambda arena: arena.name[:6])
+def test_an_arena_that_is_saved_comes_back_equal(arena, tmp_path):
+    arena.save(tmp_path / "B.TOML")
+    assert Arena.load(tmp_path / "B.TOML") == arena
+
+
+def test_an_arena_no_file_can_hold_is_refused_and_nothing_is_written(tmp_path):
+    path = tmp_path / "a.toml"
+    with pytest.raises(ValueError, match=r"cylinders\[0\].colour: expected one of red"):
+        Arena("a", cylinders=(Cylinder((1, 2), colour="mauve"),)).save(path)
+    with pytest.raises(ValueError, match="name: expected text"):
+        Arena("\ud800").save(path)
+    with pytest.raises(ValueError, match=r"path: expected one that ends in \.toml"):
+        ODD.save(tmp_path / "a.txt")
+    assert not list(tmp_path.iterdir())
+
+
+def test_a_file_that_an_editor_saved_with_a_mark_or_other_line_ends_is_read(tmp_path):
+    path = tmp_path / "b.toml"
+    ODD.save(path)
+    text = path.read_bytes()
+    for saved in (b"\xef\xbb\xbf" + text, text.replace(b"\n", b"\r\n")):
+        path.write_bytes(saved)
+        assert Arena.load(path) == ODD
+    path.write_bytes(text.decode().encode("utf-16"))
+    with pytest.raises(ValueError, match=r"b\.toml: expected text in UTF-8"):
+        Arena.load(path)
 
 
 def test_an_unknown_arena_is_told_which_there_are():

@@ -242,6 +242,11 @@ def test_an_impossible_setting_is_refused_by_name(wrong):
         render(COURSE_CAMERA, ORIGIN, [], **wrong)
 
 
+def test_a_setting_that_is_no_number_is_refused_by_name():
+    with pytest.raises(TypeError, match="blur: expected real numbers"):
+        render(COURSE_CAMERA, ORIGIN, [], blur="soft")
+
+
 def test_a_colour_without_paint_is_refused():
     with pytest.raises(ValueError, match="expected one of red, green"):
         render(COURSE_CAMERA, ORIGIN, [ahead(2, 0, colour="mauve")])

@@ -2,8 +2,8 @@ import numpy as np
 import pymunk
 import pytest
 
-from coursekit.datasets import project_file
 from coursekit.geometry import transform
+from coursekit.recordings.datasets import project_file
 from coursekit.world.arena import Arena, Crate, Cylinder, Wall
 from coursekit.world.lidar import Lidar, Scan, cast
 from coursekit.world.robot import OBSTACLE, World
@@ -141,8 +141,18 @@ def test_a_scan_sees_a_crate_move():
 def test_settings_and_poses_that_make_no_sense_are_refused():
     with pytest.raises(ValueError, match="beams"):
         Lidar(beams=0)
+    for beams in (2.5, np.nan, True):
+        with pytest.raises(ValueError, match="beams: expected a whole number"):
+            Lidar(beams=beams)
+    with pytest.raises(TypeError, match="beams: expected real numbers"):
+        Lidar(beams="many")
+    assert Lidar(max_range=np.inf).scan(Arena("void")).ranges[0] == np.inf
+    with pytest.raises(ValueError, match="max_range"):
+        Lidar(max_range=np.nan)
     with pytest.raises(ValueError, match="sigma"):
         Lidar(sigma=np.nan)
+    with pytest.raises(TypeError, match=r"expected a World or an Arena, got 'lab'; Arena.load\('lab'\)"):
+        Lidar().scan("lab")
     for pose in [(0, 0), (0, np.nan, 0)]:
         with pytest.raises(ValueError, match="pose"):
             Lidar().scan(Arena("void"), pose=pose)
@@ -151,3 +161,31 @@ def test_settings_and_poses_that_make_no_sense_are_refused():
 def test_a_scan_is_a_plain_pair_of_arrays():
     scan = Scan(np.array([0.0, np.pi / 2]), np.array([2.0, 3.0]))
     assert scan.points() == pytest.approx(np.array([[2.0, 0.0], [0.0, 3.0]]), abs=1e-12)
+
+
+@pytest.mark.parametrize("turn", [0.0, 0.3, np.pi / 2, 2.0, -2.9])
+@pytest.mark.parametrize("backwards", [False, True])
+def test_a_beam_along_a_wall_meets_its_nearer_end(turn, backwards):
+    """The wall from 1 m to 3 m ahead, as seen end on; behind the robot it is not met, and from on it the range is 0."""
+    ends = transform([0.4, -0.7, turn], np.array([[1.0, 0.0], [3.0, 0.0]]))
+    arena = Arena("edge", walls=(Wall(*(ends[::-1] if backwards else ends)),))
+
+    def ahead(distance):
+        here = transform([0.4, -0.7, turn], np.array([distance, 0.0]))
+        return Lidar(beams=2).scan(arena, pose=[*here, turn]).ranges
+
+    assert ahead(0.0) == pytest.approx([1.0, np.inf])
+    assert ahead(4.0) == pytest.approx([np.inf, 1.0])
+    assert ahead(2.0) == pytest.approx([0.0, 0.0], abs=1e-9)
+
+
+def test_a_beam_beside_a_wall_and_parallel_to_it_meets_nothing():
+    arena = Arena("beside", walls=(Wall((1, 1e-6), (3, 1e-6)),))
+    assert np.all(np.isposinf(Lidar(beams=2).scan(arena).ranges))
+
+
+def test_no_range_is_minus_zero():
+    rng = np.random.default_rng(3)
+    arena = Arena("here", walls=(Wall((0, -1), (0, 1)), Wall((-1, 0), (1, 0))), cylinders=(Cylinder((0.1, 0)),))
+    for scan in (Lidar().scan(arena), Lidar(sigma=0.5).scan(arena, rng)):
+        assert scan.ranges.min() == 0 and not np.signbit(scan.ranges).any()

@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 
 from coursekit.world.arena import Arena, Wall
-from coursekit.world.pilot import PID, Pilot, drive, octagon, square
+from coursekit.world.pilot import PID, Pilot, drive, octagon, polygon, square
 from coursekit.world.robot import World
 
 OPEN = Arena("open")
@@ -115,7 +115,29 @@ def test_a_pilot_that_does_not_know_where_it_is_has_not_arrived(lost):
 
 def test_settings_of_a_drive_that_are_no_numbers_are_refused():
     for name in ("speed", "turn_rate", "tolerance"):
-        with pytest.raises(ValueError, match="expected speed, turn_rate and tolerance > 0"):
+        with pytest.raises(ValueError, match=f"{name}: expected one finite number > 0"):
             Pilot(**{name: np.nan})
-    with pytest.raises(ValueError, match="timeout: expected seconds"):
+        with pytest.raises(TypeError, match=f"{name}: expected real numbers"):
+            Pilot(**{name: "fast"})
+    with pytest.raises(ValueError, match="corners: expected a whole number ≥ 3"):
+        polygon(4.5, 1.0)
+    with pytest.raises(ValueError, match="centre: expected finite"):
+        square(centre=(0, np.nan))
+    with pytest.raises(ValueError, match="timeout: expected one number ≥ 0"):
         drive(World(Arena("nowhere"), seed=1), [[5, 0]], timeout=np.nan)
+    for bad in (PID(1.0), "lab"):
+        with pytest.raises(TypeError, match="world: expected a World"):
+            drive(bad, [[5, 0]])
+
+
+def test_a_pid_loop_refuses_what_would_stay_in_its_integral_for_ever():
+    for limit in (-1, 0, np.nan):
+        with pytest.raises(ValueError, match="limit: expected one number > 0"):
+            PID(1.0, limit=limit)
+    with pytest.raises(TypeError, match="kd: expected real numbers"):
+        PID(1.0, kd="some")
+    loop = PID(1.0, ki=1.0, kd=1.0)
+    for error, dt, name in ((np.nan, 0.1, "error"), (1.0, 0.0, "dt"), (1.0, np.nan, "dt"), ([1.0], 0.1, "error")):
+        with pytest.raises(ValueError, match=f"{name}: expected one finite number"):
+            loop(error, dt)
+    assert loop(1.0, 0.5) == pytest.approx(1.5)

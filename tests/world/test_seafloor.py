@@ -115,3 +115,19 @@ def test_targets_are_swum_to_in_their_order():
 def test_a_map_that_is_smaller_than_the_view_is_refused():
     with pytest.raises(ValueError, match="map_image"):
         dive(np.zeros((400, 400), np.uint8), 3, 0)
+
+
+@pytest.mark.parametrize(
+    ("call", "message"),
+    [
+        (lambda: look(load(), [900, 400, 0], scale=0.0), "scale: expected one finite number > 0"),
+        (lambda: look(load(), [900, 400, 0], gain=np.nan), "gain: expected one finite number ≥ 0"),
+        (lambda: look(load(), [900, 400, 0], size=40.5), "size: expected a whole number ≥ 1"),
+        (lambda: dive(load(), 2.5, seed=1), "steps: expected a whole number ≥ 0"),
+        (lambda: dive(load(), 2, seed=1, start=[900, 400]), "start: expected 3 finite numbers"),
+        (lambda: dive(load(), 2, seed=1, targets=[[900, np.nan]]), "targets: expected 2 finite numbers"),
+    ],
+)
+def test_what_no_camera_could_do_is_refused_by_name(call, message):
+    with pytest.raises(ValueError, match=message):
+        call()

@@ -1,0 +1,1 @@
+from coursekit.slam.association import *

@@ -1,0 +1,1 @@
+from coursekit.recordings.datasets import *

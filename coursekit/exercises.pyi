@@ -1,0 +1,1 @@
+from coursekit.teaching.exercises import *

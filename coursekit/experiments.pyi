@@ -1,0 +1,1 @@
+from coursekit.teaching.experiments import *

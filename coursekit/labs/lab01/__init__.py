@@ -1,0 +1,1 @@
+"""Lab 1, Pixels to landmark: from a picture to an outline."""

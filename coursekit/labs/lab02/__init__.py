@@ -1,0 +1,1 @@
+"""Lab 2, Range and bearing: from an outline to a place."""

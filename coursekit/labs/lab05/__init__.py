@@ -1,0 +1,1 @@
+"""Lab 5, EKF-SLAM: where am I, without a map."""

@@ -1,0 +1,1 @@
+"""Lab 6, Iterative closest point: two clouds, one motion."""

@@ -1,0 +1,1 @@
+"""Lab 8, A visual particle filter: a camera above the sea floor."""

@@ -1,0 +1,1 @@
+"""Lab 9, Reality: a filter over a real recording."""

@@ -1,0 +1,1 @@
+from coursekit.labs.lab09.localisation import *

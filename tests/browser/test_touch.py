@@ -1,0 +1,259 @@
+"""Figures that are touched: their mathematics is the package's, and each answers the mouse and the keyboard."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+
+from coursekit import ekf, particles
+from coursekit.gaussian import Gaussian, ellipse, mahalanobis_squared
+from coursekit.geometry import compose, inverse, transform, wrap_angle
+from coursekit.icp import point_to_point
+from coursekit.models import DifferentialDrive, RangeBearing
+from coursekit.teaching.touch import SCENES, guess_ellipse, guess_point, part, touch
+
+pytestmark = pytest.mark.browser
+WORDS = "A figure that is touched."
+
+
+class Fixed(np.random.Generator):
+    """A generator whose next random number is known."""
+
+    def __init__(self, value):
+        super().__init__(np.random.PCG64(0))
+        self.value = value
+
+    def random(self, size=None):
+        return self.value
+
+
+def inputs(n):
+    rng = np.random.default_rng(11)
+    for _ in range(n):
+        root = rng.normal(size=(3, 3))
+        yield {
+            "a": rng.uniform(-4, 4, 3), "b": rng.uniform(-4, 4, 3), "p": rng.uniform((4, -5), (14, 5)),
+            "u": [rng.uniform(-1, 1), rng.choice([0.0, 1e-5, rng.uniform(-2, 2)])], "dt": rng.uniform(0.01, 2),
+            "P": root @ root.T + 0.1 * np.eye(3), "M": np.diag(rng.uniform(0.01, 0.2, 2)),
+            "R": np.diag(rng.uniform(0.01, 0.5, 2)), "z": [rng.uniform(1, 9), rng.uniform(-3, 3)],
+            "w": rng.uniform(0.01, 1, 7), "t": rng.uniform(0, 1),
+            "s": rng.normal(size=(9, 2)), "q": rng.normal(size=(9, 2)),
+        }  # fmt: skip
+
+
+def ours(i):
+    """What the package makes of an input, by name."""
+
+    class Odometry(DifferentialDrive):
+        def root_M(self, u, dt):
+            return np.linalg.cholesky(i["M"])
+
+    x, motion = i["a"], Odometry(sigma_pose=(0.0, 0.0, 0.0))
+    belief = Gaussian(x, i["P"])
+    predicted = motion.f(x, i["u"], i["dt"]), motion.F(x, i["u"], i["dt"]), motion.G(x, i["u"], i["dt"])
+    F, G = predicted[1:]
+    fixed = ekf.correct(belief, RangeBearing(i["p"], i["R"]), i["z"])
+    T = point_to_point(i["s"], i["q"])
+    return {
+        "wrap": wrap_angle(7 * x[2]), "compose": compose(x, i["b"]), "inverse": inverse(x),
+        "transform": transform(x, i["p"]),
+        "move": predicted[0], "F": F, "G": G,
+        "predict": [predicted[0], F @ i["P"] @ F.T + G @ i["M"] @ G.T],
+        "see": RangeBearing(i["p"]).h(x), "H": RangeBearing(i["p"]).H(x),
+        "correct": [fixed.belief.mean, fixed.belief.cov, fixed.nis],
+        "innovation": fixed.innovation_cov, "distance2": mahalanobis_squared(i["p"], i["R"]),
+        "systematic": particles.systematic(i["w"], Fixed(1 - i["t"])),
+        "register": [T[0, 2], T[1, 2], np.arctan2(T[1, 0], T[0, 0])],
+        "ellipse": ellipse(i["P"][:2, :2], points=49),
+    }  # fmt: skip
+
+
+THEIRS = """(inputs) => { const r = (ROBOTICS)(); return inputs.map((i) => ({
+  wrap: r.wrap(7 * i.a[2]), compose: r.compose(i.a, i.b), inverse: r.inverse(i.a), transform: r.transform(i.a, i.p),
+  move: r.move(i.a, i.u, i.dt), F: r.F(i.a, i.u, i.dt), G: r.G(i.a, i.u, i.dt),
+  predict: r.predict(i.a, i.P, i.u, i.M, i.dt), see: r.see(i.a, i.p), H: r.H(i.a, i.p),
+  correct: r.correct(i.a, i.P, i.p, i.z, i.R),
+  innovation: r.innovation(i.a, i.P, i.p, i.R), distance2: r.distance2(i.p, i.R), systematic: r.systematic(i.w, i.t),
+  register: r.register(i.s, i.q), ellipse: r.ellipse(i.P.slice(0, 2).map((row) => row.slice(0, 2))) })); }"""
+
+
+def flat(value):
+    return [n for v in value for n in flat(v)] if isinstance(value, (list, tuple, np.ndarray)) else [float(value)]
+
+
+def test_the_mathematics_of_the_page_is_that_of_the_package(page):
+    given = list(inputs(1000))
+    sent = json.loads(json.dumps(given, default=lambda a: a.tolist()))
+    for i, theirs in zip(given, page.evaluate(THEIRS.replace("ROBOTICS", part("robotics.js")), sent), strict=True):
+        for name, value in ours(i).items():
+            got, wanted = np.array(flat(theirs[name])), np.array(flat(value))
+            difference = wrap_angle(got - wanted) if name in {"wrap", "compose", "inverse"} else got - wanted
+            np.testing.assert_allclose(difference, 0, atol=1e-9 * max(1, np.abs(wanted).max()), err_msg=name)
+
+
+@pytest.fixture
+def show(page, tmp_path):
+    def opened(scene):
+        faults = []
+        page.on("pageerror", lambda error: faults.append(str(error)))
+        html = (touch(scene, alt=WORDS) if isinstance(scene, str) else scene)._repr_html_()
+        (tmp_path / "touch.html").write_text(f"<!doctype html><meta charset=utf-8><body>{html}", encoding="utf-8")
+        page.goto((tmp_path / "touch.html").as_uri())
+        assert faults == []
+        return page
+
+    return opened
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_every_handle_answers_the_keyboard_and_says_where_it_is(show, scene):
+    page = show(scene)
+    handles = page.locator(".touch-handle")
+    assert handles.count() >= 1
+    for k in range(handles.count()):
+        handle = handles.nth(k)
+        name, told = handle.get_attribute("aria-label"), handle.get_attribute("aria-valuetext")
+        words = page.locator(".touch-result").inner_text()
+        handle.focus()
+        for key in ("Shift+ArrowUp", "Shift+ArrowLeft"):
+            page.keyboard.press(key)
+        again = page.locator(f'.touch-handle[aria-label="{name}"]')
+        assert again.get_attribute("aria-valuetext") != told
+        assert page.locator(".touch-result").inner_text() != words
+        assert page.evaluate("document.activeElement.getAttribute('aria-label')") == name
+
+
+@pytest.mark.parametrize("scene", SCENES)
+def test_a_handle_follows_the_mouse(show, scene):
+    page = show(scene)
+    handle, before = page.locator(".touch-handle").first, page.locator(".touch-result").inner_text()
+    box = handle.locator(".touch-grip").bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + 40, y - 25, steps=4)
+    page.mouse.up()
+    assert page.locator(".touch-result").inner_text() != before
+    assert "NaN" not in page.content().replace("isNaN", "")
+
+
+def test_an_icp_step_brings_the_scan_nearer(show):
+    page = show("pairs")
+
+    def rms():
+        return float(re.search(r"pairs ([\d.]+) m", page.locator(".touch-result").inner_text())[1])
+
+    before = rms()
+    for _ in range(20):
+        page.get_by_role("button", name="One step").click()
+    assert rms() < 0.2 * before
+    page.get_by_role("button", name="Start again").click()
+    assert rms() == before
+
+
+def test_a_gate_takes_what_is_near_and_refuses_what_is_far(show):
+    page = show("gate")
+    assert "Taken" in page.locator(".touch-result").inner_text()
+    page.get_by_role("slider", name="Where the landmark is seen").focus()
+    for _ in range(3):
+        page.keyboard.press("Shift+ArrowDown")
+    assert "Refused: the belief stays as it was" in page.locator(".touch-result").inner_text()
+
+
+def test_an_ellipse_holds_its_share_of_the_endings_until_the_cloud_bends(show):
+    page = show("banana")
+
+    def share():
+        return int(re.search(r"holds (\d+) %", page.locator(".touch-result").inner_text())[1])
+
+    assert 91 <= share() <= 99
+    page.get_by_role("slider", name="Spread of the heading at the end").focus()
+    for _ in range(7):
+        page.keyboard.press("Shift+ArrowUp")
+    assert share() <= 90 and "cannot bend" in page.locator(".touch-result").inner_text()
+
+
+def test_resampling_moves_a_cloud_to_its_weights_and_starting_again_undoes_it(show):
+    page = show("cloud")
+
+    def effective():
+        return int(re.search(r"size (\d+) of", page.locator(".touch-result").inner_text())[1])
+
+    before = effective()
+    page.get_by_role("button", name="Resample").click()
+    assert effective() > 1.2 * before
+    page.get_by_role("button", name="Start again").click()
+    assert effective() == before
+
+
+def test_the_sentence_is_spoken_after_a_pause_only(show):
+    page = show("filter")
+    page.wait_for_function("document.querySelector('.touch-words').textContent !== ''")
+    page.locator(".touch-handle").first.focus()
+    page.keyboard.press("ArrowRight")
+    assert page.locator(".touch-words").inner_text() != page.locator(".touch-result").inner_text()
+    page.wait_for_function(
+        "document.querySelector('.touch-words').textContent === document.querySelector('.touch-result').textContent"
+    )
+
+
+def test_two_copies_of_a_figure_do_not_know_each_other(page, tmp_path):
+    html = touch("ranging", alt=WORDS)._repr_html_() * 2
+    (tmp_path / "two.html").write_text(f"<!doctype html><meta charset=utf-8><body>{html}", encoding="utf-8")
+    page.goto((tmp_path / "two.html").as_uri())
+    other = page.locator(".touch-result").nth(1).inner_text()
+    page.locator(".touch-handle").first.focus()
+    page.keyboard.press("Shift+ArrowRight")
+    assert (
+        page.locator(".touch-result").nth(1).inner_text() == other != page.locator(".touch-result").first.inner_text()
+    )
+
+
+CLOUD = np.random.default_rng(3).normal(size=(400, 2)) * [1.0, 0.5]
+
+
+def drag(page, name, by):
+    box = page.locator(f'.touch-handle[aria-label="{name}"] .touch-grip').bounding_box()
+    x, y = box["x"] + box["width"] / 2, box["y"] + box["height"] / 2
+    page.mouse.move(x, y)
+    page.mouse.down()
+    page.mouse.move(x + by[0], y + by[1], steps=3)
+    page.mouse.up()
+
+
+def test_an_ellipse_is_scored_by_the_share_that_it_holds_and_by_its_nees(show):
+    page = show(guess_ellipse("Where will they stop?", CLOUD, extent=(-6, 6, -4, 4)))
+    assert page.locator(".touch-dot.truth").first.get_attribute("cx").startswith("-")  # the truth is not there yet
+    # The 95 % axes are 2.45 and 1.22 m; a metre is 640 / 12 px of the drawing, which starts at 1.2 and 0.6 m.
+    scale = page.locator("svg").bounding_box()["width"] / 12
+    drag(page, "Length and direction of your ellipse", (1.25 * scale, 0))
+    drag(page, "Width of your ellipse", (0, -0.62 * scale))
+    page.get_by_role("button", name="Lock it in").click()
+    said = page.locator(".touch-result").inner_text()
+    share, mean = int(re.search(r"holds (\d+) %", said)[1]), float(re.search(r"averages ([\d.]+);", said)[1])
+    assert 91 <= share <= 98 and 1.6 < mean < 2.4 and "an honest ellipse" in said
+    assert page.locator(".touch-handle").first.is_hidden()
+
+
+def test_an_ellipse_that_is_too_small_is_told_so_and_a_reload_keeps_it(show):
+    page = show(guess_ellipse("Where will they all stop?", CLOUD, extent=(-6, 6, -4, 4)))
+    page.get_by_role("button", name="Lock it in").click()
+    said = page.locator(".touch-result").inner_text()
+    assert "you were too sure" in said
+    page.reload()
+    assert page.locator(".touch-result").inner_text() == said
+    page.get_by_role("button", name="Guess again").click()
+    assert "Draw the ellipse" in page.locator(".touch-result").inner_text()
+
+
+def test_a_point_is_guessed_by_keyboard_alone(show):
+    page = show(guess_point("Where does it stand?", [1.0, 0.0], extent=(-6, 6, -4, 4), why="It went straight on."))
+    assert page.get_by_text("It went straight on.").is_hidden()
+    page.get_by_role("slider", name="Your guess").focus()
+    for _ in range(11):
+        page.keyboard.press("ArrowRight")
+    page.keyboard.press("Tab")
+    page.keyboard.press("Enter")
+    assert "0.03 m off" in page.locator(".touch-result").inner_text()
+    assert page.get_by_text("It went straight on.").is_visible()
