@@ -68,7 +68,7 @@ test-portable: setup  ## Run the numerical tests on every kind of arithmetic thi
 	$(BIN)/python tools/portable.py $(ARGS)
 
 test-browser: setup  ## Open every page of the built book, and a live lab, in Chromium (SLOW=1: axe on every page too)
-	$(BIN)/python -m pytest -q -m "$(if $(SLOW),browser,browser and not slow)" tests/browser
+	$(BIN)/python -m pytest -q -m "$(if $(SLOW),browser,browser and not slow)" tests/browser $(ARGS)
 
 test-answers: setup  ## Give every right and wrong answer to the check that runs in a browser
 	$(BIN)/python -m pytest -q -m "browser and slow" tests/browser/test_answers.py
