@@ -39,7 +39,7 @@ solved: setup  ## Write the solved labs into my_labs/solved
 test: test-package test-labs  ## Run every test: package, sliders, exercises, notebooks
 
 test-package: setup
-	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadgroup -m "not browser and not slow" $(if $(COVERAGE),--cov --cov-report=)
+	$(BIN)/python -m pytest -q -n $(JOBS) --dist loadgroup -m "not browser and not slow" $(if $(COVERAGE),--cov --cov-report= --durations=20)
 ifdef COVERAGE
 	$(BIN)/coverage report > coverage.txt; cat coverage.txt
 endif
