@@ -1,11 +1,13 @@
 """coursekit: small, exact, tested estimators for a robot that asks "Where am I?", and the course that teaches them.
 
-The mathematics: ``geometry`` (poses in the plane), ``gaussian`` (beliefs, and whether they are honest), ``models``
-(how robots move, what sensors see), ``graph`` (least squares over poses).  The estimators, in the labs' order:
+The mathematics: ``geometry`` (angles, poses, rotations), ``gaussian`` (beliefs, and whether they are honest),
+``models`` (how robots move, with wheels that slip, and what sensors see), ``graph`` (least squares over poses).
+Beneath all rooms stand ``doors`` (what an argument must be before anybody computes with it), ``results`` (how a
+result prints itself) and ``extras`` (what is optional, and how to install it).  The estimators, in the labs' order:
 
 =====  ===============  ========================================================================================
-Lab 1  ``landmarks``    from a picture to a landmark's outline
-Lab 2  ``pinhole``      from an outline to range and bearing
+Lab 1  ``landmarks``    from a picture to a landmark's outline: its edges, left and right, top and foot
+Lab 2  ``pinhole``      the camera: from an outline to range and bearing
 Lab 3  ``noise``        what a measured range and bearing say about the true ones
 Lab 4  ``ekf``          the extended Kalman filter
 Lab 5  ``slam``         EKF-SLAM; ``association``: which landmark was that?
@@ -15,9 +17,9 @@ Lab 8  ``visual``       a particle filter that matches its camera's image to a m
 Lab 9  ``localisation`` an EKF over a real recording
 =====  ===============  ========================================================================================
 
-Beside them ``world`` (a simulated world: arenas, robot, cameras, lidar), ``recordings`` and ``datasets`` (readers, and
-where recordings live), ``teaching`` (``plotting``, ``explore``, ``exercises``, ``failures``, ``experiments``) and
-``labs`` (what each lab computes, draws, asks and breaks).
+Beside them ``world`` (a simulated world: arenas, robot, cameras, lidar), ``recordings`` and ``datasets`` (logs read
+and written, trajectories and their errors, where recordings live), ``teaching`` (``plotting``, ``explore``,
+``exercises``, ``failures``, ``experiments``) and ``labs`` (what each lab computes, draws, asks and breaks).
 
 Rooms and names are offered here and imported when first used: ``from coursekit import ekf, Gaussian``.  SI units and
 radians; a pose is [x, y, θ]; randomness is an explicit ``numpy.random.Generator``.
