@@ -1,10 +1,10 @@
 """coursekit: small, exact, tested estimators for a robot that asks "Where am I?", and the course that teaches them.
 
 The mathematics: ``geometry`` (angles, poses, rotations), ``gaussian`` (beliefs, and whether they are honest),
-``models`` (how robots move, with wheels that slip, and what sensors see), ``graph`` (least squares over poses).
-Beneath all rooms stand ``doors`` (what an argument must be before anybody computes with it), ``results`` (a measurement
-that was rejected, and why) and ``extras`` (what is optional, and how to install it). The estimators, in the labs'
-order:
+``models`` (how robots move, with wheels that slip, and what sensors see), ``graph`` (least squares over poses and
+landmarks). Beneath all rooms stand ``doors`` (what an argument must be before anybody computes with it), ``results``
+(a measurement that was rejected, and why) and ``extras`` (what is optional, and how to install it). The estimators, in
+the labs' order:
 
 =====  ===============  ========================================================================================
 Lab 1  ``landmarks``    from a picture to a landmark's outline: its edges, left and right, top and foot
