@@ -82,11 +82,12 @@ pdf: book  ## Build the book, and with it one PDF and one ZIP to take along (nee
 serve: book  ## Build the book and show it on http://localhost:8000
 	$(BIN)/python -m http.server --bind 127.0.0.1 --directory book/_build/html $(PORT)
 
-lint: setup  ## Check style and types
+lint: setup  ## Check style, types and spelling
 	$(BIN)/python tools/clean_notebooks.py --check
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	$(BIN)/mypy
+	git ls-files '*.py' '*.md' '*.ipynb' '*.toml' '*.js' '*.css' '*.html' '*.yml' | xargs $(BIN)/codespell
 
 format: setup  ## Put style right where that can be done by a program
 	$(BIN)/python tools/clean_notebooks.py
