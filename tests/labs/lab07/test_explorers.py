@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 
+from coursekit.geometry import wrap_angle
 from coursekit.labs.lab07.explorers import LostRobot
 from coursekit.particles import Particles
 
@@ -16,6 +17,7 @@ def scene():
     anywhere[:100, :2] = robot[:2] + 0.05 * rng.standard_normal((100, 2))
     near = np.where(np.arange(2000) < 100, 0.0, -np.inf)
     sure = robot + [0.05, 0.05, 0.2] * rng.standard_normal((4000, 3))
+    sure[:, 2] = wrap_angle(sure[:, 2])
     return LostRobot([(Particles(anywhere, near, angles=(2,)), robot), (Particles(sure, angles=(2,)), robot)])
 
 
