@@ -99,8 +99,11 @@ def corridor(beliefs: Sequence[tuple[str, float, float]], measured: Sequence[flo
 
 
 def update_as_contours(before: Gaussian, after: Gaussian, z: Array, R: Array, landmark: int) -> Figure:
-    """Prior, likelihood and posterior over the plane, for one range to one landmark; heading known."""
-    fig = plotting.figure(8.2, 3.2)
+    """Prior, likelihood and posterior over the plane, for one range to one landmark; heading known.
+
+    Beside the exact band and the exact posterior stand what an EKF puts in their place: a straight band, an ellipse.
+    """
+    fig = plotting.figure(8.2, 3.6)
     x, y = np.meshgrid(np.linspace(-1.5, 1.5, 121), np.linspace(-1.5, 1.5, 121))
     points = np.stack([x, y], axis=-1)
     e = points - before.mean
@@ -110,14 +113,22 @@ def update_as_contours(before: Gaussian, after: Gaussian, z: Array, R: Array, la
     levels = [-0.5 * 5.99, -0.5 * 2.28, 0.0]  # 95 % and 68 %
     panels = (("prior", prior, plotting.PREDICTION), ("likelihood of one range", likelihood, plotting.MEASUREMENT),
               ("posterior: their product", prior + likelihood, plotting.TRUTH))  # fmt: skip
-    for ax, (name, density, colour) in zip(plotting.axes(fig, 1, 3, sharey=True), panels, strict=True):
+    axes: Any = plotting.axes(fig, 1, 3, sharey=True)
+    for ax, (name, density, colour) in zip(axes, panels, strict=True):
         ax.contourf(x, y, density - density.max(), levels=levels, colors=[colour], alpha=0.25)
         ax.contour(x, y, density - density.max(), levels=levels[:2], colors=[colour], linewidths=1)
         ax.set_aspect("equal")
         ax.set(title=name, xlabel="x [m]")
-    ax.plot(*(after.mean + ellipse(after.cov)).T, color=plotting.ESTIMATE, lw=2, label="the EKF's 95 %")
-    ax.legend(loc="lower left")
-    fig.axes[0].set_ylabel("y [m]")
+    away = before.mean - LANDMARKS[landmark]
+    expected = np.hypot(*away)  # the range at the prior's mean, and its derivative there: a range made straight
+    straight = -0.5 * (z[0] - expected - e @ (away / expected)) ** 2 / R[0, 0]
+    axes[1].contour(x, y, straight, levels=levels[:1], colors=[plotting.ESTIMATE], linewidths=2, linestyles="solid")
+    axes[1].plot(*before.mean, "+", color=plotting.PREDICTION, ms=10, mew=2)
+    axes[2].plot(*(after.mean + ellipse(after.cov)).T, color=plotting.ESTIMATE, lw=2)
+    axes[0].plot([], [], color=plotting.ESTIMATE, lw=2, label="the EKF's 95 %: the range made straight at the mean (+)")
+    axes[0].plot([], [], color=plotting.WALL, lw=1, ls="--", label="exact: 68 % and 95 %")
+    fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    axes[0].set_ylabel("y [m]")
     return fig
 
 

@@ -1,4 +1,4 @@
-"""Lab 7's explorers: the homework's cloud, five ways to resample, and noise that is held or drawn afresh."""
+"""Lab 7's explorers: the homework's cloud, five ways to resample, a lost robot, noise that is held or drawn afresh."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from matplotlib.artist import Artist
 from coursekit import gaussian, particles
 from coursekit.geometry import Array
 from coursekit.labs.lab07.figures import cloud_ellipse
-from coursekit.labs.lab07.runs import CONTROL, FIX, FIXES, PERIOD, at_the_start, drive, homework, planned_path
+from coursekit.labs.lab07.runs import CONTROL, FIX, FIXES, LAB, PERIOD, at_the_start, drive, homework, planned_path
 from coursekit.particles import Particles
 from coursekit.teaching import plotting
 from coursekit.teaching.experiments import lab_seed
@@ -175,6 +175,64 @@ class ResamplerStrip:
         return (
             f"Ten weights as intervals of [0, 1], positions of {method} resampling above; below, bars of ten times the "
             f"weight and this draw's copies: {', '.join(map(str, copies))}"
+        )
+
+
+class LostRobot:
+    """A robot that starts anywhere: the cloud in the whole lab, and close to the robot with its headings.
+
+    history : (weighed cloud, true pose) after each half second.  Time 0 shows the first cloud without its weights:
+        the belief before any range.
+    """
+
+    def __init__(self, history: list[tuple[Particles, Array]]) -> None:
+        self.history = history
+        self.figure = plotting.figure(8.8, 4.0)
+        room, close = plotting.axes(self.figure, 1, 2, width_ratios=[1.45, 1])
+        plotting.draw_arena(room, LAB)
+        (self.dots,) = room.plot([], [], ".", color=plotting.ESTIMATE, ms=2.5, alpha=0.5, label="1000 of the particles")
+        self.arrows = close.quiver(
+            *np.zeros((4, 120)), color=plotting.ESTIMATE, angles="xy", scale=14, width=0.006, alpha=0.6
+        )
+        self.robots = [
+            plotting.draw_robot(ax, np.zeros(3), colour=plotting.TRUTH, size=size)
+            for ax, size in ((room, 0.4), (close, 0.28))
+        ]
+        room.plot([], [], ">", color=plotting.TRUTH, ms=8, label="true robot")
+        room.set(xlim=(-4.1, 4.1), ylim=(-3.1, 3.1))
+        close.set(xlim=(-1.1, 1.1), ylim=(-1.1, 1.1), aspect="equal", xlabel="x − x of the robot [m]")
+        close.set_ylabel("y − y of the robot [m]")
+        self.titles = [ax.set_title(" ", loc="left") for ax in (room, close)]
+        self.figure.legend(*room.get_legend_handles_labels(), loc="outside lower center", ncols=2, markerscale=1.5)
+        self.moving: list[Artist] = [self.dots, self.arrows, *self.robots, *self.titles]
+
+    def look(self, time: float) -> tuple[Particles, Array, str]:
+        """The cloud at a time [s], the true pose, and how well the cloud knows the heading, in words."""
+        cloud, truth = self.history[max(round(2 * time) - 1, 0)]
+        if time == 0:
+            cloud = Particles(cloud.states, angles=(2,))
+        length = min(abs(cloud.weights @ np.exp(1j * cloud.states[:, 2])), 1.0)  # 1: all point the same way
+        spread = np.degrees(np.sqrt(-2 * np.log(length)))
+        return cloud, truth, f"±{spread:.0f}°" if spread < 90 else "any"
+
+    def update(self, *, time: float) -> None:
+        cloud, truth, heading = self.look(time)
+        rng = np.random.default_rng(lab_seed(7) + round(2 * time))
+        self.dots.set_data(*cloud.states[rng.choice(len(cloud), size=1000, p=cloud.weights), :2].T)
+        x, y, theta = cloud.states[rng.choice(len(cloud), size=120, p=cloud.weights)].T
+        self.arrows.set_offsets(np.stack([x - truth[0], y - truth[1]], axis=1))
+        self.arrows.set_UVC(np.cos(theta), np.sin(theta))
+        for robot, pose, size in zip(self.robots, (truth, np.array([0, 0, truth[2]])), (0.4, 0.28), strict=True):
+            robot.set_xy(plotting.robot_outline(pose, size))
+        self.titles[0].set_text(f"{time:g} s: {len(cloud):,d} particles, {_ess(cloud):,.0f} count")
+        self.titles[1].set_text(f"close to the robot; heading: {heading}")
+
+    def alt(self, time: float) -> str:
+        cloud, truth, heading = self.look(time)
+        off = np.linalg.norm(_mean(cloud)[:2] - truth[:2])
+        return (
+            f"A lab from above with its beacons and {len(cloud)} guesses, {_ess(cloud):.0f} count; their mean is "
+            f"{off:.2f} m from the robot, and their headings: {heading}"
         )
 
 

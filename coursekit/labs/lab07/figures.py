@@ -1,4 +1,4 @@
-"""Lab 7's pictures: a bent cloud, one step of the filter, error against particles, copies, and a lost robot."""
+"""Lab 7's pictures: a bent cloud, one step of the filter, error against particles, copies, and silence."""
 
 from __future__ import annotations
 
@@ -6,11 +6,12 @@ from typing import Any
 
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.lines import Line2D
+from matplotlib.patches import Circle
+from numpy.typing import NDArray
 
 from coursekit import gaussian, particles
 from coursekit.geometry import Array
-from coursekit.labs.lab07.runs import FIX, planned_path
+from coursekit.labs.lab07.runs import BEACONS, FIX, LAB, planned_path
 from coursekit.particles import Particles
 from coursekit.teaching import plotting
 from coursekit.teaching.experiments import lab_seed
@@ -105,25 +106,22 @@ def cloud_ellipse(cloud: Particles) -> Any:
         return mean[None]
 
 
-def found_robot(history: list[tuple[Particles, Array]], legs: tuple[int, ...] = (0, 2, 9)) -> Figure:
-    """Some of the cloud after some of the legs, as arrows around the true robot."""
-    fig = plotting.figure(8.8, 3.5)
-    views = plotting.axes(fig, 1, len(legs))
-    for ax, k in zip(views, legs):
-        cloud, truth = history[k]
-        shown = np.random.default_rng(lab_seed(7) + k).choice(len(cloud), size=120, p=cloud.weights)
-        x, y, heading = cloud.states[shown].T
-        ax.quiver(x, y, np.cos(heading), np.sin(heading), color=plotting.ESTIMATE, angles="xy", scale=14, width=0.006,
-                  alpha=0.6, zorder=4)  # fmt: skip
-        nose = truth[:2] + 0.62 * np.array([np.cos(truth[2]), np.sin(truth[2])])
-        ax.annotate("", nose, truth[:2], arrowprops={"arrowstyle": "-|>", "color": plotting.TRUTH, "lw": 2}, zorder=6)
-        ax.plot(*truth[:2], "o", color=plotting.TRUTH, ms=6, zorder=6)
-        ax.set(xlim=truth[0] + [-1.1, 1.1], ylim=truth[1] + [-1.1, 1.1], aspect="equal", xlabel="x [m]")
-        ax.set_title(f"{(k + 1) / 2:g} s: {len(cloud):,d} particles", loc="left")
-    views[0].set_ylabel("y [m]")
-    handles = [Line2D([], [], color=colour, marker=">", lw=1.5) for colour in (plotting.TRUTH, plotting.ESTIMATE)]
-    labels = ["true robot, the arrow's head is its front", "120 of the particles"]
-    fig.legend(handles, labels, loc="outside lower center", ncols=2)
+def silence(clouds: dict[str, Particles], heard: NDArray[np.bool_], place: Array, reach: float) -> Figure:
+    """Clouds of positions, (n, 2), by weight, among the beacons of the lab; circles around those that are not heard."""
+    fig = plotting.figure(8.4, 3.9)
+    for ax, (name, cloud) in zip(plotting.axes(fig, 1, len(clouds), sharey=True), clouds.items(), strict=True):
+        plotting.draw_arena(ax, LAB)
+        for beacon in BEACONS[~heard]:
+            ax.add_patch(Circle(tuple(beacon), reach, fill=False, ls="--", lw=1, edgecolor=plotting.ODOMETRY))
+        chosen = np.random.default_rng(lab_seed(7)).choice(len(cloud), size=500, p=cloud.weights)
+        ax.plot(*cloud.states[chosen].T, ".", color=plotting.ESTIMATE, ms=3, alpha=0.6, label="500 of the particles")
+        ax.plot(*BEACONS[heard].T, "o", mfc="none", mec=plotting.MEASUREMENT, ms=14, mew=2, label="the beacon heard")
+        ax.plot([], [], ls="--", lw=1, color=plotting.ODOMETRY, label=f"{reach:g} m around a silent one")
+        ax.plot(*place, "x", color=plotting.TRUTH, ms=8, mew=2, label="true place")
+        ax.set(xlim=(-4.1, 4.1), ylim=(-3.1, 3.1), ylabel="")
+        ax.set_title(f"{name}: {particles.effective_sample_size(cloud.weights):.0f} count", loc="left")
+    fig.axes[0].set_ylabel("y [m]")
+    fig.legend(*fig.axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=4)
     return fig
 
 
