@@ -67,7 +67,7 @@ test-wheel: setup  ## Build the wheel and try it in a bare environment, with Num
 test-portable: setup  ## Run the numerical tests on every kind of arithmetic this processor can do
 	$(BIN)/python tools/portable.py $(ARGS)
 
-test-browser: setup  ## Open every page of the built book, and a live lab, in Chromium (SLOW=1: axe on every page too)
+test-browser: setup  ## Open every page of the built book, and a live lab, in Chromium, and in Firefox if there is one (SLOW=1: axe on every page too)
 	$(BIN)/python -m pytest -q -m "$(if $(SLOW),browser,browser and not slow)" tests/browser $(ARGS)
 
 test-answers: setup  ## Give every right and wrong answer to the check that runs in a browser

@@ -34,7 +34,9 @@
     root.dispatchEvent(new Event("explorer", { bubbles: true }));
     announce();
     image.classList.toggle("explorer-waiting", !image.complete);
-    // The frame before is still on the screen, dimmed, until this one can be drawn.
+    // The frame before is still on the screen, dimmed, until this one can be drawn.  A picture that is fetched when it
+    // comes near is waited for first: Firefox never settles what `decode` promised before that.
+    while (!image.complete) await new Promise((settled) => { image.onload = image.onerror = settled; });
     await image.decode().then(() => image.classList.remove("explorer-waiting"), () => {});
   };
 
