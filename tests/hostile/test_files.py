@@ -91,7 +91,8 @@ def test_bearings_in_degrees_are_dropped_and_the_reason_asks_for_the_unit(tmp_pa
     path, k = tmp_path / "degrees.csv", np.arange(40)
     rows = [f"{0.1 * i:.1f},2.0,{20 * np.sin(i / 5):.2f},2.0,{20 * np.sin(i / 5):.2f}" for i in k]
     path.write_text("unix_time,d_meas,theta_meas,d_true,theta_true\n" + "\n".join(rows) + "\n")
-    log = recordings.read_landmark_log(path)
+    with pytest.warns(recordings.UnitWarning, match="theta_"):
+        log = recordings.read_landmark_log(path)
     assert log.dropped > 20 and all("is it in degrees?" in row.reason for row in log.rejected)
 
 
