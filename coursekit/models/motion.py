@@ -48,7 +48,7 @@ class DifferentialDrive:
     def __post_init__(self) -> None:
         pose = as_numbers(self.sigma_pose, "sigma_pose")
         sigmas = as_numbers([self.sigma_v, self.sigma_omega, *pose.ravel()], "sigma_v, sigma_omega")
-        if sigmas.shape != (5,) or not np.all(np.isfinite(sigmas)) or np.any(sigmas < 0):
+        if sigmas.shape != (5,) or not np.all((sigmas >= 0) & (sigmas < LARGEST)):
             raise ValueError(f"expected finite standard deviations ≥ 0, one for v, one for ω, three for the pose, "
                              f"got {sigmas}")  # fmt: skip
         object.__setattr__(self, "_wheels", np.diag(sigmas[:2]))
