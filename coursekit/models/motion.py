@@ -215,7 +215,7 @@ class ConstantVelocity:
     def sample(self, states: ArrayLike, u: ArrayLike | None, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 4) → (n, 4)."""
         moved, rng = self.f(states, u, dt), generator(rng)
-        return np.asarray(moved + rng.standard_normal(moved.shape) @ self._noise_factor(dt).T)
+        return np.asarray(moved + rng.standard_normal(moved.shape) @ self._noise_factor(_step(dt)).T)
 
     def _noise_factor(self, dt: float) -> Array:
         """L with Q = L Lᵀ: per axis, the Cholesky factor of σ_a² [[dt³/3, dt²/2], [dt²/2, dt]]."""

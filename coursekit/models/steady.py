@@ -57,7 +57,7 @@ class SteadyNoiseDrive(DifferentialDrive):
 
     def Q(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """G M Gᵀ + diag(σ_pose²) dt, (..., 3, 3)."""
-        return square(product(self.G(x, u, dt), self.root_M(u, dt))) + self._pose_cov * dt
+        return square(product(self.G(x, u, dt), self.root_M(u, dt))) + self._pose_cov * _step(dt)
 
     def linearized(self, x: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, Array]:
         """f, F and Q at once, for a filter of many states."""
