@@ -48,7 +48,7 @@ def several(value: Any, name: str) -> list[Any]:
         raise TypeError(f"{name}: expected several, got {reprlib.repr(value)}")
     try:
         return list(value)
-    except TypeError:
+    except (TypeError, KeyError):  # what is asked by names has no order
         raise TypeError(f"{name}: expected several, got {reprlib.repr(value)}") from None
 
 

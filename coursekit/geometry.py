@@ -48,7 +48,7 @@ def wrap_angle(angle: ArrayLike) -> Array:
     angle = as_numbers(angle, "angle")
     if angle.size and angle.min() > -np.pi and angle.max() <= np.pi:
         return angle.copy()[()]  # most headings need no turning, and to look costs half as much as to turn
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         # Counting whole turns runs ten times faster than np.mod; rounding may end at, or a hair past, ±π.
         wrapped = angle - 2 * np.pi * np.ceil(angle / (2 * np.pi) - 0.5)
         if wrapped.size and not (wrapped.min() > -np.pi and wrapped.max() <= np.pi):
@@ -59,7 +59,7 @@ def wrap_angle(angle: ArrayLike) -> Array:
 def rotation(angle: ArrayLike) -> Array:
     """The rotation matrices of angles: (...) radians → (..., 2, 2)."""
     angle = as_numbers(angle, "angle")
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         c, s = np.cos(angle), np.sin(angle)
     return np.stack([np.stack([c, -s], axis=-1), np.stack([s, c], axis=-1)], axis=-2)
 
@@ -74,7 +74,7 @@ def compose(a: ArrayLike, b: ArrayLike) -> Array:
     """
     a, b = _poses(a, "a"), _poses(b, "b")
     _check_shapes(a.shape[:-1], b.shape[:-1])
-    with np.errstate(invalid="ignore"):  # infinity gives NaN, as NaN does, and nobody is warned
+    with np.errstate(invalid="ignore", over="ignore"):  # infinity gives NaN, as NaN does, and nobody is warned
         c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
         return np.stack(
             [
@@ -93,7 +93,7 @@ def inverse(a: ArrayLike) -> Array:
     array([0., 0., 0.])
     """
     a = _poses(a, "a")
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         c, s = np.cos(a[..., 2]), np.sin(a[..., 2])
         return np.stack(
             [-c * a[..., 0] - s * a[..., 1], s * a[..., 0] - c * a[..., 1], wrap_angle(-a[..., 2])], axis=-1
@@ -128,7 +128,7 @@ def transform(pose: ArrayLike, points: ArrayLike) -> Array:
         raise ValueError(f"points: expected shape (..., 2), got {points.shape}")
     _check_shapes(pose.shape[:-1], points.shape[:-1])
     x, y = points[..., 0], points[..., 1]
-    with np.errstate(invalid="ignore"):
+    with np.errstate(invalid="ignore", over="ignore"):
         c, s = np.cos(pose[..., 2]), np.sin(pose[..., 2])
         return np.stack([pose[..., 0] + c * x - s * y, pose[..., 1] + s * x + c * y], axis=-1)
 

@@ -149,7 +149,8 @@ class KdTree:
         tied = np.flatnonzero(found & (gap <= self._tie))
         nearest, ties = np.append(self._first, NO_MATCH)[index[:, 0]], 0  # scipy's "none" is one past the end
         if tied.size:
-            balls = self.tree.query_ball_point(points[tied], first[tied] + self._tie, return_sorted=True)
+            rounding = np.maximum(self._tie, 4 * np.finfo(float).eps * first[tied])  # seen from far away it is larger
+            balls = self.tree.query_ball_point(points[tied], first[tied] + rounding, return_sorted=True)
             starts = np.cumsum([0, *(len(ball) for ball in balls[:-1])])
             equal = self._first[np.concatenate(balls)]
             nearest[tied] = equal[starts]

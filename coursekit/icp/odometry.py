@@ -72,6 +72,7 @@ def scan_to_scan(
            [0.05, 0.  , 0.02],
            [0.1 , 0.01, 0.04]])
     """
+    scans = several(scans, "scans")
     guesses, options = _guesses(scans, motions), DEFAULTS | options
     poses, steps, guess = [_start(start)], [], np.zeros(3)
     covariances: list[Array] = [np.zeros((3, 3))]
@@ -123,6 +124,7 @@ def scan_to_map(
     """
     if not number(spacing, "spacing") > 0:
         raise ValueError(f"spacing: expected a length > 0 m, got {spacing}")
+    scans = several(scans, "scans")
     guesses, options = _guesses(scans, motions), DEFAULTS | options
     poses, steps, guess = [_start(start)], [], np.zeros(3)
     covariances: list[Array] = [np.zeros((3, 3))]
@@ -199,7 +201,7 @@ def _carried(cov: Array, way: Array) -> Array:
 
 
 def _guesses(scans: Sequence[Array], motions: ArrayLike | None) -> Array | None:
-    if not several(scans, "scans"):
+    if not scans:
         raise ValueError("scans: expected at least one")
     for k, scan in enumerate(scans):
         check_cloud(scan, f"scans[{k}]", 2)

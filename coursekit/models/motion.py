@@ -48,7 +48,7 @@ class DifferentialDrive:
     def __post_init__(self) -> None:
         pose = as_numbers(self.sigma_pose, "sigma_pose")
         sigmas = as_numbers([self.sigma_v, self.sigma_omega, *pose.ravel()], "sigma_v, sigma_omega")
-        if sigmas.shape != (5,) or not np.all(np.isfinite(sigmas)) or np.any(sigmas < 0):
+        if sigmas.shape != (5,) or not np.all((sigmas >= 0) & (sigmas < LARGEST)):
             raise ValueError(f"expected finite standard deviations ≥ 0, one for v, one for ω, three for the pose, "
                              f"got {sigmas}")  # fmt: skip
         object.__setattr__(self, "_wheels", np.diag(sigmas[:2]))
@@ -128,7 +128,7 @@ class DifferentialDrive:
             raise ValueError(f"states: expected shape (n, 3), got {states.shape}")
         entries(u, 2, "control [v, ω]")  # one number would broadcast
         check_controls(states, u)
-        noise = (self.root_M(u, dt) @ rng.standard_normal((2, *states.shape[:-1]))).T
+        noise = control_noise(self.root_M(u, dt), states, rng)
         moved = self.f(states, np.asarray(u, dtype=float) + noise, dt)
         if any(self.sigma_pose):
             moved += rng.standard_normal(moved.shape) * self.sigma_pose
@@ -215,7 +215,7 @@ class ConstantVelocity:
     def sample(self, states: ArrayLike, u: ArrayLike | None, dt: float, rng: np.random.Generator) -> Array:
         """One noisy step for each state: (n, 4) → (n, 4)."""
         moved, rng = self.f(states, u, dt), generator(rng)
-        return np.asarray(moved + rng.standard_normal(moved.shape) @ self._noise_factor(dt).T)
+        return np.asarray(moved + rng.standard_normal(moved.shape) @ self._noise_factor(_step(dt)).T)
 
     def _noise_factor(self, dt: float) -> Array:
         """L with Q = L Lᵀ: per axis, the Cholesky factor of σ_a² [[dt³/3, dt²/2], [dt²/2, dt]]."""
@@ -248,6 +248,14 @@ def check_controls(x: Any, u: Any) -> None:
     except ValueError:
         raise ValueError(f"control [v, ω]: expected one for all or one for each state, got shape {np.shape(u)} for "
                          f"states {np.shape(x)}; they cannot be broadcast") from None  # fmt: skip
+
+
+def control_noise(root: Array, states: Array, rng: np.random.Generator) -> Array:
+    """Noise of the control for each state (n, 3), (n, 2): of the covariance root rootᵀ, one (2, 2) or one for each."""
+    if root.ndim > 3:
+        raise ValueError("control [v, ω]: expected one for all or one for each state, got more axes")
+    unit = rng.standard_normal((2, *states.shape[:-1]))
+    return np.asarray((root @ unit).T if root.ndim == 2 else (root @ unit.T[..., None])[..., 0])
 
 
 def _sinc(t: Any) -> Any:

@@ -211,7 +211,7 @@ def _columns(position: Any) -> tuple[int, int]:
     """Two different entries of a state, counted from 0."""
     try:
         i, j = (operator.index(column) for column in position)
-    except (TypeError, ValueError):
+    except (TypeError, ValueError, KeyError):
         raise TypeError(f"position: expected two entries of the state such as (0, 1), got {position!r}") from None
     if i == j or min(i, j) < 0:
         raise ValueError(f"position: expected two different entries, counted from 0, got {position}")

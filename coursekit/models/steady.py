@@ -12,7 +12,7 @@ from coursekit.doors import LARGEST, as_numbers, generator, number
 from coursekit.geometry import Array
 from coursekit.models._vectors import copies, entries, functions, product, square
 from coursekit.models.checks import right_by_construction
-from coursekit.models.motion import DifferentialDrive, _step, check_controls
+from coursekit.models.motion import DifferentialDrive, _step, check_controls, control_noise
 
 
 @right_by_construction
@@ -57,7 +57,7 @@ class SteadyNoiseDrive(DifferentialDrive):
 
     def Q(self, x: ArrayLike, u: ArrayLike, dt: float) -> Array:
         """G M Gᵀ + diag(σ_pose²) dt, (..., 3, 3)."""
-        return square(product(self.G(x, u, dt), self.root_M(u, dt))) + self._pose_cov * dt
+        return square(product(self.G(x, u, dt), self.root_M(u, dt))) + self._pose_cov * _step(dt)
 
     def linearized(self, x: ArrayLike, u: ArrayLike, dt: float) -> tuple[Array, Array, Array]:
         """f, F and Q at once, for a filter of many states."""
@@ -72,5 +72,5 @@ class SteadyNoiseDrive(DifferentialDrive):
         once = DifferentialDrive(0.0, 0.0, (x, y, theta))
         entries(u, 2, "control [v, ω]")
         check_controls(states, u)
-        noise = (self.root_M(u, dt) @ rng.standard_normal((2, *states.shape[:-1]))).T
+        noise = control_noise(self.root_M(u, dt), states, rng)
         return once.sample(self.f(states, np.asarray(u, dtype=float) + noise, dt), [0.0, 0.0], dt, rng)

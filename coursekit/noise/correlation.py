@@ -26,6 +26,7 @@ def autocorrelation(x: ArrayLike, lags: int) -> Array:
     values = values - values.mean()
     if np.abs(values).max() <= rounding:  # always the same
         return np.eye(1, lags + 1)[0]
+    values /= np.abs(values).max()  # so that no square is too small, or too large, for a float
     size = 1 << (2 * values.size).bit_length()  # long enough that the end does not wrap round to the beginning
     products = np.fft.irfft(np.abs(np.fft.rfft(values, size)) ** 2, size)[: lags + 1]
     return np.asarray(products / products[0])

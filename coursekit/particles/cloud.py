@@ -217,7 +217,7 @@ def _resampler(method: Any) -> Resampler:
 def _check_columns(angles: Any, d: int) -> tuple[int, ...]:
     try:
         columns = tuple(operator.index(column) for column in angles)
-    except TypeError:
+    except (TypeError, KeyError):
         raise TypeError(f"angles: expected a tuple of columns such as (2,), got {angles!r}") from None
     if not all(-d <= column < d for column in columns):
         raise ValueError(f"angles: expected columns of states with {d} columns, got {angles}")

@@ -18,6 +18,7 @@ is unpickled.
 ``maps``          landmarks to and from CSV
 ``tables``        columns under names, to CSV and back
 ``columns``       which column is which: names matched by their meaning
+``degrees``       where the log itself says that an angle is in degrees, and no radians: ``UnitWarning``
 ``rows``          what the readers share: text into rows, and what becomes of broken ones
 
 ``datasets`` loads by name; the readers take any path.
@@ -28,6 +29,7 @@ from coursekit.recordings.bags import read_bag, read_images
 from coursekit.recordings.carmen import read_carmen
 from coursekit.recordings.clouds import Clouds, read_cloud, write_cloud
 from coursekit.recordings.csv_log import read_csv_log
+from coursekit.recordings.degrees import UnitWarning
 from coursekit.recordings.landmark_log import LOG_COLUMNS, Log, read_landmark_log
 from coursekit.recordings.maps import read_map, write_map
 from coursekit.recordings.mrclam import ROBOTS, Mrclam, read_mrclam
@@ -47,6 +49,7 @@ __all__ = [
     "Recording",
     "Trajectory",
     "TrajectoryError",
+    "UnitWarning",
     "absolute_error",
     "matched",
     "read_bag",

@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from coursekit.geometry import Array
+from coursekit.recordings import degrees
 from coursekit.recordings.columns import chosen
 from coursekit.recordings.recording import TRACK, Recording
 from coursekit.recordings.rows import in_order, lines_of, read_text, split_fields, to_numbers
@@ -33,7 +34,8 @@ def read_csv_log(path: str | Path, columns: Mapping[str, str] | None = None) -> 
         that name is honoured.  By default every wanted column that the header names as it stands is taken.
 
     Raises FileNotFoundError, or ValueError for a file that is empty, binary or not UTF-8, for a mapping that does not
-    fit the header, no ``time``, nothing beside it, and no usable line.
+    fit the header, no ``time``, nothing beside it, and no usable line.  Warns (``UnitWarning``) of headings and
+    bearings beyond π that the drive itself shows to be degrees: by its path, its clock, or landmarks that would move.
 
     >>> import tempfile
     >>> file = Path(tempfile.mkdtemp(), "drive.csv")
@@ -83,11 +85,14 @@ def read_csv_log(path: str | Path, columns: Mapping[str, str] | None = None) -> 
     if not kept.any():
         raise ValueError(f"{path}: no usable row; {dict(dropped)}")
     measured = [row for row, good in zip(sightings, kept, strict=True) if good and row]
-    return Recording(
+    log = Recording(
         _table(moving, np.array(track)[kept]) if len(moving) > 1 else {},
         _table(["time", *sighted], np.array(measured).reshape(-1, 1 + len(sighted))) if sighted else {},
         dropped={reason: n for reason, n in dropped.items() if n},
     )
+    for name, angle, why in degrees.of_recording(log.track, log.measurements):
+        degrees.warn(path, header[where[name].place], angle, why)
+    return log
 
 
 def _implausible(row: Mapping[str, float]) -> str:

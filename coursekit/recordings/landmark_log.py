@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 
 from coursekit.doors import LARGEST, as_numbers
 from coursekit.geometry import Array, wrap_angle
+from coursekit.recordings import degrees
 from coursekit.recordings.columns import Column, chosen, match
 from coursekit.recordings.rows import (
     BEYOND,
@@ -181,7 +182,8 @@ def read_landmark_log(path: str | Path, columns: Mapping[str, str] | None = None
         ``LOG_COLUMNS``, err_d, err_theta and color.
 
     Raises FileNotFoundError, or ValueError for a file that is empty, binary or not UTF-8, for columns that are missing
-    or that two names could be, and for a file without a usable row.
+    or that two names could be, and for a file without a usable row.  Warns (``UnitWarning``) of bearings beyond π that
+    the log itself shows to be degrees: by the other bearing, the clock or the range.
 
     Source: the report's assignment 4, whose program writes the columns of ``LOG_COLUMNS``.
 
@@ -197,7 +199,7 @@ def read_landmark_log(path: str | Path, columns: Mapping[str, str] | None = None
     delimiter = max(",;\t", key=first.count)
     header = [name.strip() for name in split_fields(first, delimiter)]
     where, sources = _places(header, columns or {}, path)
-    lines, rows, colours, rejected = [], [], [], []
+    lines, rows, colours, rejected, angles = [], [], [], [], []
     for line, text in others:
         record = split_fields(text, delimiter)
         if len(record) != len(header):
@@ -208,12 +210,18 @@ def read_landmark_log(path: str | Path, columns: Mapping[str, str] | None = None
             given = {name: where[name].scale * x for name, x in zip(sources, numbers, strict=True)}
             row = [_value(given, name) for name in LOG_COLUMNS]
             reason = _implausible(*row[1:])
+            if reason in ("", BEYOND):  # what is dropped for that, too, says which unit it is in
+                angles.append(row)
         if reason:
             rejected.append(BrokenRow(line, reason))
         else:
             lines.append(line)
             rows.append(row)
             colours.append(record[where["color"].place].strip() if "color" in where else "")
+    stamps, _, measured, true_range, truth = np.array(angles).reshape(-1, len(LOG_COLUMNS)).T
+    for name, angle, other in (("measured_theta", measured, truth), ("true_theta", truth, measured)):
+        why = degrees.agree(angle, other) or degrees.of_one_landmark(stamps, true_range, angle)
+        degrees.warn(path, header[where[name].place] if name in where else name, angle, why)
     kept = in_order([row[0] for row in rows])
     rejected += [BrokenRow(lines[i], "the stamp runs backwards") for i in np.flatnonzero(~kept)]
     if not kept.any():

@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 from numpy.typing import ArrayLike
 
+from coursekit.doors import LARGEST
 from coursekit.geometry import Array
 from coursekit.recordings.tables import read_csv, write_csv
 
@@ -57,11 +58,11 @@ def read_map(path: str | Path) -> dict[int, Array]:
     if missing := [name for name in ("id", "x", "y") if name not in table]:
         raise ValueError(f"{path}: the header lacks {', '.join(missing)}; it reads {','.join(table)}")
     ids = table["id"]
-    if ids.dtype.kind == "U" or np.any(np.asarray(ids, dtype=float) % 1 != 0):
+    if ids.dtype.kind == "U" or not np.all(np.isfinite(ids)) or np.any(np.asarray(ids, dtype=float) % 1 != 0):
         raise ValueError(f"{path}: id: expected whole numbers, got {ids[:3].tolist()} …")
     if len(set(ids.tolist())) != len(ids):
         values, counts = np.unique(ids, return_counts=True)
         raise ValueError(f"{path}: expected each landmark once, {values[counts > 1][0]} comes twice or more")
-    if any(table[name].dtype.kind not in "if" or not np.isfinite(table[name]).all() for name in "xy"):
+    if any(table[name].dtype.kind not in "if" or not np.all(np.abs(table[name]) < LARGEST) for name in "xy"):
         raise ValueError(f"{path}: expected x and y in finite metres, got text, NaN or infinity")
     return {int(key): np.array(place, dtype=float) for key, *place in zip(ids, table["x"], table["y"], strict=True)}

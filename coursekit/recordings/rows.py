@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from coursekit.doors import LARGEST
 from coursekit.geometry import Array
 
 BEYOND = "a bearing beyond a full turn; is it in degrees?"
@@ -85,7 +86,9 @@ def to_numbers(entries: Sequence[str]) -> tuple[list[float], str]:
         return [], "a decimal comma where a point belongs" if commas else "text where a number belongs"
     if any("_" in entry for entry in entries):  # Python reads 1_000 as a number; no recorder writes it
         return row, "text where a number belongs"
-    return row, "" if np.all(np.isfinite(row)) else "NaN or infinity"
+    if not np.all(np.isfinite(row)):
+        return row, "NaN or infinity"
+    return row, "" if np.all(np.abs(row) < LARGEST) else f"a number beyond {LARGEST:g}"
 
 
 def read_table(path: Path, width: int, zeros: bool = True) -> tuple[Array, list[BrokenRow]]:

@@ -152,7 +152,8 @@ def _parsed(column: list[tuple[str, bool]]) -> np.ndarray:
         return np.array(entries, dtype=str)
     if entries and all(entry in ("True", "False") for entry in entries):
         return np.array([entry == "True" for entry in entries])
-    if entries and all(map(_INTEGER.fullmatch, entries)):
+    # Python refuses to read a number of many thousand digits; an integer of 64 bits has 20 at the most, and a sign.
+    if entries and all(len(entry) <= 64 and _INTEGER.fullmatch(entry) for entry in entries):
         integers = [int(entry) for entry in entries]
         for kind in (np.int64, np.uint64):
             if np.iinfo(kind).min <= min(integers) and max(integers) <= np.iinfo(kind).max:

@@ -17,7 +17,7 @@ _SMALLEST_R = 1e-12  # of what the map leaves open of a measurement: below, P - 
 
 def check_count(count: Any, name: str) -> int:
     """A whole number of at least 1."""
-    if isinstance(count, bool) or not isinstance(count, (int, np.integer)):
+    if isinstance(count, (bool, np.timedelta64)) or not isinstance(count, (int, np.integer)):
         raise TypeError(f"{name}: expected a whole number, got {count!r}")
     if count < 1:
         raise ValueError(f"{name}: expected at least 1, got {count}")
@@ -51,7 +51,7 @@ def check_ids(ids: Any, measurements: int) -> list[Any] | None:
     try:
         listed = list(ids)
         dict.fromkeys(listed)
-    except TypeError:
+    except (TypeError, KeyError):
         raise TypeError(f"ids: expected names or numbers, one for each measurement, got {reprlib.repr(ids)}") from None
     if len(listed) != measurements:
         raise ValueError(f"ids: expected one for each of {measurements} measurements, got {len(listed)}")

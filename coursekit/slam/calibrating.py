@@ -127,7 +127,7 @@ class CalibratingSlam(EkfSlam):
         robot = np.arange(ROBOT)
         grown = F @ self._P.block(robot) @ F.T
         grown[:3, :3] += Q
-        grown.flat[3 * ROBOT + 3 :: ROBOT + 1] += self._known.drift**2 * dt
+        grown.flat[3 * ROBOT + 3 :: ROBOT + 1] += self._known.drift**2 * float(dt)
         self._watch.time += float(dt)
         try:
             grown, _ = factored(symmetrize(grown))

@@ -3,12 +3,24 @@
 from __future__ import annotations
 
 import datetime
+import decimal
 from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
 
 import coursekit as ck
+
+
+class ByName:
+    """Something that is asked by names, and has a length: neither a list nor a mapping."""
+
+    def __len__(self) -> int:
+        return 3
+
+    def __getitem__(self, name: str) -> float:
+        return {"x": 1.0}[name]
+
 
 NOT_NUMBERS: dict[str, Any] = {
     "nothing": None,
@@ -21,6 +33,11 @@ NOT_NUMBERS: dict[str, Any] = {
     "a function": len,
     "a complex number": 1j,
     "a date": datetime.date(2026, 1, 1),
+    "a time span": np.timedelta64(1, "s"),
+    "a decimal": decimal.Decimal("1.5"),
+    "a set": {1.0, 2.0},
+    "something asked by names": ByName(),
+    "a table with named columns": np.zeros(3, dtype=[("x", float)]),
     "ragged rows": [[1.0, 2.0], [3.0]],
     "texts": ["a", "b", "c"],
     "a number beyond all floats": 10**400,

@@ -75,6 +75,38 @@ def test_a_file_of_another_kind_is_refused_by_its_name_or_read_without_its_broke
         assert result is None
 
 
+@READERS
+def test_the_same_rows_in_other_dress_are_read_alike(reader, tmp_path):
+    """Of those that a reader takes at all: no line end at the last row, other delimiters, a header that comes again."""
+    path, text = tmp_path / "whole.txt", TEXTS[reader]
+    path.write_text(text)
+    expected = repr(read(reader, path)).partition(";")[0]
+    dresses = {"no end": text.rstrip(), "blank lines": text.replace("\n", "\n\n")}
+    if reader in ("read_landmark_log", "read_csv_log"):
+        head, *rows = text.splitlines()
+        dresses |= {"semicolons": text.replace(",", ";"), "tabs": text.replace(",", "\t"),
+                    "a comma at each end": text.replace("\n", ",\n"), "spaces": text.replace(",", " ,  "),
+                    "quotes": '"' + text.strip().replace(",", '","').replace("\n", '"\n"') + '"'}  # fmt: skip
+        again = "\n".join([head, *rows[:3], head, *rows[3:]])
+        path.write_text(again)
+        assert (
+            len(read(reader, path).__dict__[{"read_landmark_log": "rejected", "read_csv_log": "dropped"}[reader]]) == 1
+        )
+    for dress, written in dresses.items():
+        path.write_text(written)
+        assert repr(read(reader, path)).partition(";")[0] == expected, dress
+
+
+@READERS
+@pytest.mark.parametrize("number", ["1e400", "1e308", "-1e200", "5e-324", "9" * 400, "9" * 5000, "0x1", "1_1", "nan"])
+def test_a_number_that_no_robot_measures_spoils_its_row_or_its_file_and_nothing_else(reader, number, tmp_path):
+    """An id of 5,000 digits, a quaternion whose square overflows: refused by the file's name, or kept as text."""
+    path = tmp_path / "large.txt"
+    for place in ("1", "0", "2"):
+        path.write_text(TEXTS[reader].replace(place, number))
+        read(reader, path)
+
+
 @pytest.mark.parametrize("suffix", ["ply", "pcd", "npy"])
 def test_a_binary_cloud_cut_at_any_byte_of_its_header_is_refused_by_its_name(suffix, tmp_path):
     whole, cut = tmp_path / f"whole.{suffix}", tmp_path / f"cut.{suffix}"
@@ -91,7 +123,8 @@ def test_bearings_in_degrees_are_dropped_and_the_reason_asks_for_the_unit(tmp_pa
     path, k = tmp_path / "degrees.csv", np.arange(40)
     rows = [f"{0.1 * i:.1f},2.0,{20 * np.sin(i / 5):.2f},2.0,{20 * np.sin(i / 5):.2f}" for i in k]
     path.write_text("unix_time,d_meas,theta_meas,d_true,theta_true\n" + "\n".join(rows) + "\n")
-    log = recordings.read_landmark_log(path)
+    with pytest.warns(recordings.UnitWarning, match="theta_"):
+        log = recordings.read_landmark_log(path)
     assert log.dropped > 20 and all("is it in degrees?" in row.reason for row in log.rejected)
 
 

@@ -6,7 +6,7 @@ from scipy.integrate import solve_ivp
 from scipy.stats import chi2
 
 from coursekit.geometry import wrap_angle
-from coursekit.models import ConstantVelocity, DifferentialDrive, SlippingWheels, pose_residual
+from coursekit.models import ConstantVelocity, DifferentialDrive, SlippingWheels, SteadyNoiseDrive, pose_residual
 from coursekit.models._vectors import sine_cosine
 from coursekit.world.arena import Arena
 from coursekit.world.robot import Robot, World
@@ -75,6 +75,17 @@ def test_samples_spread_as_Q_says(motion, x, u):
     standard_error = np.sqrt((Q**2 + np.outer(np.diag(Q), np.diag(Q))) / n)
     assert np.all(np.abs(errors.T @ errors / n - Q) < 4.5 * standard_error)
     assert np.all(np.abs(errors.mean(axis=0)) < 4.5 * np.sqrt(np.diag(Q) / n))
+
+
+@pytest.mark.parametrize("drive", [DifferentialDrive(), SteadyNoiseDrive(), SlippingWheels(track=0.2, slip=0.1)])
+def test_a_control_for_each_state_is_sampled_with_its_own_spread(drive):
+    """The noise of SteadyNoiseDrive and SlippingWheels depends on the control; 4 % is six standard deviations."""
+    controls, n = np.array([[0.5, 0.2], [0.1, -2.0]]), 50_000
+    moved = drive.sample(np.zeros((2 * n, 3)), np.tile(controls, (n, 1)), 0.1, np.random.default_rng(0))
+    for k, control in enumerate(controls):
+        error = moved[k::2] - drive.f(np.zeros(3), control, 0.1)
+        variances = np.diag(drive.Q(np.zeros(3), control, 0.1))
+        assert np.allclose(error[:, [0, 2]].var(axis=0) / variances[[0, 2]], 1, atol=0.04)
 
 
 def test_samples_of_the_drive_are_wrapped_and_leave_their_argument_alone():
