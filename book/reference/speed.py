@@ -6,8 +6,11 @@ import json
 from pathlib import Path
 from typing import Any
 
+from reference.limits import limit
+
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
-# One row of a result: a job that ours and a peer did in turns.  ``peer`` may be null: then only ours was measured.
+# One row of a result: a job that ours and a peer did in turns.  ``peer`` may be null: then only ours was measured, and
+# ``spread`` is that of ours, not of the ratio.
 FIELDS = {
     "benchmark": str, "row": str, "unit": str, "ours": (int, float), "peer": (int, float, type(None)),
     "peer_name": (str, type(None)), "peer_version": (str, type(None)), "ratio": (int, float, type(None)),
@@ -43,17 +46,21 @@ def table(rows: list[dict[str, Any]]) -> str:
                 " )", ")"
             )
             ratio = "" if row["ratio"] is None else f"{row['ratio']:.2f}"
-            if ratio and row["spread"]:
+            ours = _figure(row["ours"], row["unit"])
+            if row["spread"] and ratio:
                 ratio += f" ({row['spread'][0]:.2f} to {row['spread'][1]:.2f})"
-            lines.append(
-                f"| {row['row']} | {_figure(row['ours'], row['unit'])} | {peer if row['peer_name'] else ''} | "
-                f"{ratio} | {row['rounds']} |"
-            )
+            elif row["spread"]:
+                ours += f" ({row['spread'][0]:.3g} to {row['spread'][1]:.3g})"
+            lines.append(f"| {row['row']} | {ours} | {peer if row['peer_name'] else ''} | {ratio} | {row['rounds']} |")
         when = (
             f"Measured on {about['date']} at commit `{about['commit'][:10]}`, threads: {about['threads']}, on "
             f"{about['machine']}."
         )
-        blocks.append(f"## {name}\n\n" + "\n".join(lines) + f"\n\n{when}")
+        said: dict[str, list[str]] = {}  # jobs by the sentence that they share
+        for job in dict.fromkeys(row["row"] for row in mine):
+            said.setdefault(limit(name, job), []).append(job.partition(" (wanted")[0])
+        behind = [f"- *{'; '.join(jobs)}.* {sentence}" for sentence, jobs in said.items() if sentence]
+        blocks.append("\n".join([f"## {name}", "", *lines, "", "What limits ours:", "", *behind, "", when]))
     return "\n\n".join(blocks)
 
 
@@ -67,7 +74,7 @@ in one process and in turns, so that whatever else the machine does slows both a
 
 The figure to look at is the ratio: 2 means that the peer takes twice as long, 0.5 that it takes half as long. It is the
 median over the rounds. In brackets stands how far the rounds' ratios spread, from the tenth to the ninetieth
-percentile. Times depend on the machine, ratios much less. A benchmark of speed says nothing about what else the peers
-can do."""
+percentile; where there is no peer, how far our own figures spread. Times depend on the machine, ratios much less. A
+benchmark of speed says nothing about what else the peers can do."""
 NOTHING = """No result is stored in this copy of the book: the folder `benchmarks/results` is empty. Run `make bench` to
 measure on your own machine."""
