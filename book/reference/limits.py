@@ -27,8 +27,8 @@ LIMITS: dict[str, dict[str, str]] = {
         "a triangular solve with all pairs so far.",
     },
     "Least squares over a graph": {
-        "": "Python's calls: each factor is linearised by a function of its own, some 60 µs each time, where GTSAM "
-        "calls compiled code; the sparse factorisation comes second.",
+        "": "Python's calls: in every iteration each factor is linearised by a function of its own, in Python here and "
+        "compiled in GTSAM; the sparse factorisation comes second.",
     },
     "Particle filter": {
         "one step of": "Arithmetic: normal numbers for the motion and four distances for each particle; from a million "
