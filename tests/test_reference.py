@@ -185,6 +185,7 @@ def test_a_figure_without_a_peer_is_shown_with_its_own_spread(tmp_path):
     alone = dict.fromkeys(("peer", "peer_name", "peer_version", "ratio")) | {"spread": [19.0, 24.0]}
     (tmp_path / "ekf.json").write_text(json.dumps([ROW | alone]))
     assert "| one step | 20 µs (19 to 24) |  |  | 200 |" in speed.table(speed.read(tmp_path))
+    assert "| one step | 12,345 µs (19 to 24) |" in speed.table([ROW | alone | {"ours": 12345.0}])
 
 
 def test_jobs_with_one_limit_share_its_sentence(monkeypatch):

@@ -30,8 +30,12 @@ def read(folder: Path = RESULTS) -> list[dict[str, Any]]:
     return found
 
 
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
 def _figure(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value:.3g} {unit}"
+    return "" if value is None else f"{_number(value)} {unit}"
 
 
 def table(rows: list[dict[str, Any]]) -> str:
@@ -50,7 +54,7 @@ def table(rows: list[dict[str, Any]]) -> str:
             if row["spread"] and ratio:
                 ratio += f" ({row['spread'][0]:.2f} to {row['spread'][1]:.2f})"
             elif row["spread"]:
-                ours += f" ({row['spread'][0]:.3g} to {row['spread'][1]:.3g})"
+                ours += f" ({_number(row['spread'][0])} to {_number(row['spread'][1])})"
             lines.append(f"| {row['row']} | {ours} | {peer if row['peer_name'] else ''} | {ratio} | {row['rounds']} |")
         when = (
             f"Measured on {about['date']} at commit `{about['commit'][:10]}`, threads: {about['threads']}, on "
