@@ -192,7 +192,7 @@ def test_jobs_with_one_limit_share_its_sentence(monkeypatch):
     monkeypatch.setattr(limits, "LIMITS", {"EKF": {"one": "Calls.", "one step of many": "Memory."}})
     jobs = ["one step", "one leap (wanted: 2 ms)", "one step of many", "none"]
     table = speed.table([ROW | {"row": job} for job in jobs])
-    assert "- *one step; one leap.* Calls.\n- *one step of many.* Memory.\n\nMeasured" in table
+    assert "- *one …*: Calls.\n- *one step of many*: Memory.\n\nMeasured" in table
 
 
 @pytest.fixture(scope="module")

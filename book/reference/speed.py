@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
@@ -38,6 +39,14 @@ def _figure(value: float | None, unit: str) -> str:
     return "" if value is None else f"{_number(value)} {unit}"
 
 
+def _together(jobs: list[str]) -> str:
+    """One name for some jobs: the words that they begin with."""
+    if len(jobs) == 1:
+        return jobs[0]
+    alike = takewhile(lambda words: len(set(words)) == 1, zip(*(job.split() for job in jobs)))
+    return " ".join([*(words[0] for words in alike), "…"]).replace("`", "")
+
+
 def table(rows: list[dict[str, Any]]) -> str:
     """The rows as Markdown tables, one for each benchmark."""
     blocks = []
@@ -63,7 +72,7 @@ def table(rows: list[dict[str, Any]]) -> str:
         said: dict[str, list[str]] = {}  # jobs by the sentence that they share
         for job in dict.fromkeys(row["row"] for row in mine):
             said.setdefault(limit(name, job), []).append(job.partition(" (wanted")[0])
-        behind = [f"- *{'; '.join(jobs)}.* {sentence}" for sentence, jobs in said.items() if sentence]
+        behind = [f"- *{_together(jobs)}*: {sentence}" for sentence, jobs in said.items() if sentence]
         blocks.append("\n".join([f"## {name}", "", *lines, "", "What limits ours:", "", *behind, "", when]))
     return "\n\n".join(blocks)
 
