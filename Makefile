@@ -122,8 +122,13 @@ mutate: setup  ## Break a room's code in small ways, see if its tests notice: ma
 	$(BIN)/python -m pip install --quiet "mutmut>=3.8"
 	$(BIN)/python tools/mutate.py $(ROOM) $(ARGS)
 
-bench: setup  ## Run the benchmarks (peers are compared where they are installed)
-	@for script in benchmarks/*.py; do echo "== $$script"; $(BIN)/python $$script || exit 1; done
+# BENCH: a Python that has the peers (extra "benchmarks").  SCRIPTS: some of them.  ROUNDS: another number for all.
+BENCH   ?= $(BIN)/python
+SCRIPTS ?= ekf icp slam graph particles visual camera world imports explorers
+bench: setup  ## Measure speed, beside the peers that BENCH=python has, into benchmarks/results (SCRIPTS="ekf icp": only these)
+	@failed=""; for script in $(SCRIPTS); do echo "== benchmarks/$$script.py"; \
+	  $(BENCH) benchmarks/$$script.py --json benchmarks/results/$$script.json $(if $(ROUNDS),--rounds $(ROUNDS)) || failed="$$failed $$script"; \
+	done; [ -z "$$failed" ] || { echo "Missed a target of their own:$$failed"; exit 1; }
 
 lock:  ## Work out requirements.lock anew from pyproject.toml (needs uv; ARGS=--upgrade takes the newest of all)
 	uv pip compile --universal --python-version 3.11 --extra labs --extra book --extra test --extra browser --extra pdf --generate-hashes \

@@ -1,13 +1,13 @@
 """How fast is a step of localisation, beside filterpy, and how far off on fifteen minutes of a real robot?
 
-    python benchmarks/ekf.py [--rounds 200] [--folder DIR --robot 1]
+    python benchmarks/ekf.py [--rounds 200] [--json FILE] [--folder DIR --robot 1]
 
 1. One prediction and one correction by range and bearing, with the same numbers in and out, by four programs: ours;
    filterpy's ExtendedKalmanFilter with our models; with functions written for it in NumPy, as its documentation does;
    and with functions of plain floats.  filterpy gives the Mahalanobis distance too, as ours gives the NIS.  The
-   programs take turns in one process, so that whatever else the machine does hits all alike; each time is the least of
-   the rounds, and the ratios are to ours.  Without filterpy (optional) only ours runs.
-2. The same step for a hundred beliefs, one by one and at once.
+   programs take turns in one process, so that whatever else the machine does hits all alike; each time is the median
+   of the rounds, and the ratios are to ours.  Without filterpy (optional) only ours runs.
+2. The same step for a hundred and for a thousand beliefs, one by one and at once.
 3. MRCLAM 7, robot 1, or any other of the data set's recordings (--folder with its four files): position RMSE over all
    of it with known landmarks, odometry alone for comparison, and what NEES and NIS say.  Left out, with the reason,
    where the recording is not here and cannot be fetched.
@@ -15,7 +15,6 @@
 
 from __future__ import annotations
 
-import argparse
 import math
 import sys
 import time
@@ -28,6 +27,7 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np  # noqa: E402
 
+from benchmarks import results  # noqa: E402
 from coursekit import ekf  # noqa: E402
 from coursekit.gaussian import Gaussian  # noqa: E402
 from coursekit.labs.lab09.localisation import localise, start_of  # noqa: E402
@@ -40,6 +40,11 @@ except ImportError:  # then ``race`` says so, and builds none
     Peer = object
 
 DT, CONTROL, LANDMARK = 0.1, np.array([0.3, 0.1]), np.array([3.0, 2.0])
+WRITTEN = {
+    "filterpy, our models": "ours",
+    "filterpy, NumPy": "in NumPy, as its documentation writes them",
+    "filterpy, floats": "in plain floats",
+}
 SIGMA, R, P0 = np.array([0.05, 0.05]), np.diag([0.01, 0.0004]), 0.1 * np.eye(3)
 
 
@@ -164,8 +169,8 @@ def in_floats() -> Program:
     return Program(f, F, Q, h, H, residual)
 
 
-def race(rounds: int) -> dict[str, float]:
-    """Least seconds a step of each program; all must give the same answers."""
+def race(rounds: int) -> dict[str, np.ndarray]:
+    """Seconds a step of each program, round by round; all must give the same answers."""
     z = np.array([3.5, 0.5])
     programs = {}
     if Peer is object:
@@ -182,18 +187,11 @@ def race(rounds: int) -> dict[str, float]:
     for name, (mean, nis) in answers.items():
         assert np.allclose(mean, answers["ours"][0], atol=1e-9), name
         assert abs(nis - answers["ours"][1]) < 1e-6, name
-    best = dict.fromkeys(steps, np.inf)
-    for _ in range(rounds):
-        for name, step in steps.items():
-            start = time.perf_counter()
-            for _ in range(50):
-                step()
-            best[name] = min(best[name], (time.perf_counter() - start) / 50)
-    return best
+    return results.in_turns(steps, rounds, calls=50)
 
 
-def at_once(rounds: int, runs: int = 100) -> tuple[float, float]:
-    """Least seconds of a step for ``runs`` beliefs, one by one and at once."""
+def at_once(rounds: int, runs: int) -> tuple[np.ndarray, np.ndarray]:
+    """Seconds of a step for ``runs`` beliefs, one by one and at once, round by round."""
     motion, sensor, rng = DifferentialDrive(*SIGMA), RangeBearing(LANDMARK, R), np.random.default_rng(0)
     many = Gaussian(0.1 * rng.standard_normal((runs, 3)), np.tile(P0, (runs, 1, 1)))
     alone, z = list(many), sensor.h(many.mean) + 0.02 * rng.standard_normal((runs, 2))
@@ -201,15 +199,12 @@ def at_once(rounds: int, runs: int = 100) -> tuple[float, float]:
     def step(belief: Gaussian, z: np.ndarray) -> ekf.Correction:
         return ekf.correct(ekf.predict(belief, motion, CONTROL, DT), sensor, z)
 
-    best = [np.inf, np.inf]
-    for _ in range(rounds):
-        start = time.perf_counter()
+    def one_by_one() -> None:
         for belief, one in zip(alone, z, strict=True):
             step(belief, one)
-        middle = time.perf_counter()
-        step(many, z)
-        best = [min(best[0], middle - start), min(best[1], time.perf_counter() - middle)]
-    return best[0], best[1]
+
+    seconds = results.in_turns({"alone": one_by_one, "at once": lambda: step(many, z)}, rounds)
+    return seconds["alone"], seconds["at once"]
 
 
 def real(run: Mrclam) -> None:
@@ -231,18 +226,30 @@ def replace_measurements(run: Mrclam) -> Mrclam:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=200)
+    parser = results.parser(__doc__, rounds=200)
     parser.add_argument("--folder", type=Path, help="of another MRCLAM recording")
     parser.add_argument("--robot", type=int, default=1)
     options = parser.parse_args()
+    rows = results.Rows("Extended Kalman filter", threads=1)
     times = race(options.rounds)
+    median = {name: float(np.median(seconds)) for name, seconds in times.items()}
     print("one prediction and one correction")
     for name, seconds in times.items():
-        print(f"  {name:<22}{1e6 * seconds:6.1f} µs   {seconds / times['ours']:5.2f} of ours")
-    one_by_one, together = at_once(options.rounds)
-    print(f"a hundred beliefs: one by one {1e6 * one_by_one:.0f} µs, at once {1e6 * together:.0f} µs, "
-          f"{one_by_one / together:.1f} times faster")  # fmt: skip
+        print(f"  {name:<22}{1e6 * median[name]:6.1f} µs   {np.median(seconds / times['ours']):5.2f} of ours")
+        if name != "ours":
+            job = f"one prediction and one correction; the peer's models: {WRITTEN[name]}"
+            by = ("filterpy", results.version("filterpy"))
+            rows.add(job, "µs", 1e6 * times["ours"], 1e6 * seconds, by)
+    if len(times) == 1:
+        rows.add("one prediction and one correction", "µs", 1e6 * times["ours"])
+    for runs in (100, 1000):
+        one_by_one, together = at_once(max(11, options.rounds // 4), runs)
+        alone, all_of_them = 1e6 * np.median(one_by_one), 1e6 * np.median(together)
+        print(f"{runs} beliefs: one by one {alone:.0f} µs, at once {all_of_them:.0f} µs, "
+              f"{np.median(one_by_one / together):.1f} times faster")  # fmt: skip
+        by = ("ours, one by one", "")
+        rows.add(f"one step of {runs:,} beliefs at once", "µs", 1e6 * together, 1e6 * one_by_one, by)
+    rows.store(options.json)
     name = str(options.folder) if options.folder else "MRCLAM 7, robot 1"
     try:
         run = read_mrclam(options.folder, options.robot) if options.folder else datasets.load("mrclam7_robot1")
@@ -251,7 +258,7 @@ def main() -> int:
     else:
         print(name)
         real(run)
-    return 0 if min(times, key=times.__getitem__) == "ours" else 1
+    return 0 if min(median, key=median.__getitem__) == "ours" else 1
 
 
 if __name__ == "__main__":

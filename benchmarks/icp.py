@@ -1,25 +1,31 @@
-"""How fast are two clouds aligned, beside Open3D, and what does a tree save over looking at every pair?
+"""How fast are two clouds aligned, beside Open3D and small_gicp, and what does a tree save over looking at every pair?
 
-    python benchmarks/icp.py [--rounds 11] [--figure searches.png]
+    python benchmarks/icp.py [--rounds 11] [--json FILE] [--figure searches.png]
 
 1. The report's experiment: 5750 points, brute force and tree.  Its 77-fold gap, as it is here, and the RMSE of both.
-2. Open3D's point-to-point ICP against ours, plain and accelerated: the same clouds, from the identity, pairs within
-   0.25 m, and the same stopping rule (neither the share of matched points nor the RMSE changes by more than 1e-9 of
-   the cloud's size).  One call of each after the other in one process, so that whatever else the machine does hits
-   all alike; the ratio printed is the median of the rounds' ratios.  Open3D uses every core; ours, one.
+2. Point-to-point ICP by Open3D, small_gicp and ours, plain and accelerated: the same clouds, from the identity, pairs
+   within 0.25 m, one thread each, and stopping rules that lead to one RMSE (Open3D and ours: neither the share of
+   matched points nor the RMSE changes by more than 1e-9 of the cloud's size; small_gicp: a step turns and moves by less
+   than 1e-6 rad and m).  One call of each after the other in one process, so that whatever else the machine does hits
+   all alike; the ratio printed is the median of the rounds' ratios.  Of a million points ours alone is timed.
 3. One search of n points among n, over n, and the exponents of the power laws through the times.
 
-Open3D is optional (``pip install open3d``; version 0.20 was used): without it part 2 says so and is left out.  The
-clouds of 5750 points are fetched on first use; the larger ones are drawn from them, with 4 mm of noise.  Where they
-cannot be had, part 1 is left out, and parts 2 and 3 use a drawn surface of as many points, on which nothing is judged.
+The peers are optional (``pip install open3d small_gicp``): one that is missing is named and left out.  The clouds of
+5750 points are fetched on first use; the larger ones are drawn from them, with 4 mm of noise.  Where they cannot be
+had, part 1 is left out, and parts 2 and 3 use a drawn surface of as many points, on which nothing is judged.
 """
 
 from __future__ import annotations
 
-import argparse
+import importlib
+import os
+
+os.environ.setdefault("OMP_NUM_THREADS", "1")  # Open3D's threads; it reads this when it is imported
+
 import sys
 import time
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -28,12 +34,14 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np  # noqa: E402
 
+from benchmarks import results  # noqa: E402
 from coursekit import geometry, icp  # noqa: E402
 from coursekit.icp import BruteForce, KdTree  # noqa: E402
 from coursekit.recordings import datasets  # noqa: E402
 
 REACH, TOLERANCE, LIMIT = 0.25, 1e-9, 200
 LIMITS = {5750: 0.5, 100_000: 0.25}  # what our accelerated time may be of Open3D's
+MILLION = 1_000_000
 
 
 def drawn(n: int = 5750) -> datasets.Clouds:
@@ -69,15 +77,25 @@ def ours(source: np.ndarray, target: np.ndarray, accelerate: bool) -> icp.Regist
     )
 
 
-def open3d_icp(o3d: Any, source: np.ndarray, target: np.ndarray) -> Any:
-    """Its clouds are made inside the timing, as our arrays are checked and our tree is built inside ours."""
+def open3d_icp(o3d: Any, source: np.ndarray, target: np.ndarray) -> float:
+    """Its RMSE.  Its clouds are made inside the timing, as our arrays are checked and our tree is built inside ours."""
     registration = o3d.pipelines.registration
     still = TOLERANCE * float(np.sqrt(np.mean(np.sum((source - source.mean(axis=0)) ** 2, axis=1))))
     a, b = (o3d.geometry.PointCloud(o3d.utility.Vector3dVector(points)) for points in (source, target))
     return registration.registration_icp(
         a, b, REACH, np.eye(4), registration.TransformationEstimationPointToPoint(),
         registration.ICPConvergenceCriteria(relative_fitness=TOLERANCE, relative_rmse=still, max_iteration=LIMIT),
+    ).inlier_rmse  # fmt: skip
+
+
+def small_gicp_icp(small_gicp: Any, source: np.ndarray, target: np.ndarray) -> float:
+    """Its RMSE, with the clouds and the tree made inside the timing; ``error`` is half the sum of squares."""
+    clouds = small_gicp.PointCloud(target), small_gicp.PointCloud(source)
+    found = small_gicp.align(
+        *clouds, None, np.eye(4), registration_type="ICP", max_correspondence_distance=REACH, num_threads=1,
+        max_iterations=LIMIT, rotation_epsilon=1e-6, translation_epsilon=1e-6,
     )  # fmt: skip
+    return float(np.sqrt(2 * found.error / found.num_inliers))
 
 
 def the_report(clouds: datasets.Clouds) -> None:
@@ -92,31 +110,49 @@ def the_report(clouds: datasets.Clouds) -> None:
     print("   the report: brute force 58.8 s, RMSE 0.0202; tree 0.76 s, RMSE 0.0221; t = [0.4836 -0.2483 0.2557]\n")
 
 
-def against_open3d(clouds: datasets.Clouds, rounds: int) -> bool:
-    print("2. Against Open3D, to convergence")
-    try:
-        import open3d as o3d
-    except ImportError:
-        print("   left out: open3d cannot be imported here (pip install open3d)\n")
-        return True
-    rng, held = np.random.default_rng(0), True
-    print(f"   open3d {o3d.__version__}, {rounds} interleaved rounds; medians")
-    print(
-        f"   {'points':>8} {'Open3D':>9} {'plain':>9} {'fast':>9}   {'fast/Open3D':>11} {'limit':>6}   RMSE differs by"
-    )
-    for n in LIMITS:
+def peers() -> dict[str, Callable[[np.ndarray, np.ndarray], float]]:
+    """The RMSE that each peer reaches, by its name and version."""
+    found: dict[str, Callable[[np.ndarray, np.ndarray], float]] = {}
+    for name, module, align in (("Open3D", "open3d", open3d_icp), ("small_gicp", "small_gicp", small_gicp_icp)):
+        try:
+            found[name] = partial(align, importlib.import_module(module))
+        except ImportError as error:
+            print(f"   {name} left out: it cannot be imported here (pip install {module}): {error}")
+    return found
+
+
+def keep(reached: dict[str, float], name: str, align: Callable[..., float], *clouds: np.ndarray) -> None:
+    reached[name] = align(*clouds)
+
+
+def against_peers(clouds: datasets.Clouds, rounds: int, rows: results.Rows) -> bool:
+    print(f"2. Against peers, to convergence: one thread, {rounds} interleaved rounds, medians")
+    others, rng, held = peers(), np.random.default_rng(0), True
+    for n, limit in LIMITS.items():
         source, target = (clouds.source, clouds.target) if n == len(clouds.source) else larger(clouds, n, rng)
-        times: list[list[float]] = []
-        for _ in range(rounds if n < 20_000 else max(3, rounds // 3)):
-            peer_time, peer = timed(open3d_icp, o3d, source, target)
-            fast_time, fast = timed(ours, source, target, accelerate=True)
-            plain_time, _ = timed(ours, source, target, accelerate=False)
-            times.append([peer_time, plain_time, fast_time, fast_time / peer_time])
-        peer_time, plain_time, fast_time, ratio = np.median(times, axis=0)
-        differs = fast.rmse / peer.inlier_rmse - 1
-        held &= bool(ratio <= LIMITS[n] and abs(differs) <= 1e-3 and fast.converged)
-        times_text = f"{peer_time:8.3f}s {plain_time:8.3f}s {fast_time:8.3f}s"
-        print(f"   {n:8d} {times_text}   {ratio:11.2f} {LIMITS[n]:6.2f}   {differs:+.1e}")
+        reached: dict[str, float] = {}
+        jobs = {name: partial(keep, reached, name, peer, source, target) for name, peer in others.items()}
+        jobs["accelerated"] = partial(keep, reached, "ours", lambda p, q: ours(p, q, True).rmse, source, target)
+        if n < 20_000:  # beyond, plain iterations take everyone many seconds
+            jobs["plain"] = partial(ours, source, target, accelerate=False)
+        seconds = results.in_turns(jobs, rounds)
+        for way in ("plain", "accelerated"):
+            if way not in seconds:
+                continue
+            mine, job = seconds[way], f"{n:,} points, {way}"
+            print(f"   {job:28} {np.median(mine):8.3f} s")
+            for name in others:
+                ratio, differs = np.median(mine / seconds[name]), reached["ours"] / reached[name] - 1
+                rows.add(job, "s", mine, seconds[name], (name, results.version(name.lower())))
+                print(f"     {name:10} {np.median(seconds[name]):8.3f} s: ours takes {ratio:.2f} of it; "
+                      f"RMSE differs by {differs:+.1e}")  # fmt: skip
+                held &= abs(differs) <= 1e-3 and (name != "Open3D" or way == "plain" or bool(ratio <= limit))
+            if not others:
+                rows.add(job, "s", mine)
+    source, target = larger(clouds, MILLION, rng)
+    mine = results.in_turns({"ours": partial(ours, source, target, accelerate=True)}, max(1, rounds // 4))["ours"]
+    rows.add(f"{MILLION:,} points, accelerated", "s", mine)
+    print(f"   {MILLION:,} points, accelerated {np.median(mine):8.3f} s, median of {len(mine)}")
     print(f"   {'held' if held else 'NOT HELD'}\n")
     return held
 
@@ -160,8 +196,7 @@ def draw(curves: dict[str, tuple[np.ndarray, np.ndarray]], path: str) -> None:
 
 
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=11)
+    parser = results.parser(__doc__, rounds=11)
     parser.add_argument("--figure", help="where to draw part 3")
     options = parser.parse_args()
     try:
@@ -171,7 +206,9 @@ def main() -> int:
         print(f"1. The report's experiment\n   left out, and a drawn surface used below: {error}\n")
     if recorded:
         the_report(clouds)
-    held = against_open3d(clouds, options.rounds) or not recorded
+    rows = results.Rows("Iterative closest point", threads=1)
+    held = against_peers(clouds, options.rounds, rows) or not recorded
+    rows.store(options.json)
     curves = over_sizes(clouds, options.rounds)
     if options.figure:
         draw(curves, options.figure)

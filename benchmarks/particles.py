@@ -1,13 +1,13 @@
 """How fast is a particle filter's step, beside two other people's, and where does the time go?
 
-    python benchmarks/particles.py [--rounds 15] [--figure step.png]
+    python benchmarks/particles.py [--rounds 15] [--json FILE] [--figure step.png]
 
 Peers run in the same process, one round of each after the other, so that whatever else the machine does hits
 all alike; the median of the rounds is printed.  A peer that cannot be imported is left out and named.  The
-``particles`` package needs NumPy < 2, so the full comparison wants an environment of its own:
+``particles`` package (0.4) asks for NumPy < 2 and runs with 2.4; an environment for all peers, in two steps:
 
-    python -m venv peers && peers/bin/pip install "numpy<2" scipy matplotlib particles filterpy
-    peers/bin/python benchmarks/particles.py
+    python -m venv peers && peers/bin/pip install -e ".[benchmarks]" joblib numba scikit-learn
+    peers/bin/pip install --no-deps particles
 
 A full step is measured twice.  *As each is written by its user*: the course's drive, whose two wheels err, and
 its range sensors; the package's state-space model, which wants a density for each coordinate, and so gets normals
@@ -17,9 +17,7 @@ the filters themselves do is left to differ.
 
 from __future__ import annotations
 
-import argparse
 import sys
-import time
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -29,6 +27,7 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np  # noqa: E402
 
+from benchmarks import results  # noqa: E402
 from coursekit import particles as ours  # noqa: E402
 from coursekit.models import DifferentialDrive, RangeOnly  # noqa: E402
 from coursekit.models._vectors import sine_cosine  # noqa: E402
@@ -144,20 +143,13 @@ def peers(n: int, ranges: np.ndarray) -> dict[str, Callable[[], None]]:
 
 
 def interleaved(contestants: dict[Any, Callable[[], object]], rounds: int) -> dict[Any, float]:
-    """Median seconds a call, after two calls to warm up."""
-    times: dict[Any, list[float]] = {name: [] for name in contestants}
-    for k in range(rounds + 2):
-        for name, call in contestants.items():
-            start = time.perf_counter()
-            call()
-            if k >= 2:
-                times[name].append(time.perf_counter() - start)
-    return {name: float(np.median(seconds)) for name, seconds in times.items()}
+    """Median seconds a call."""
+    return {name: float(np.median(seconds)) for name, seconds in results.in_turns(contestants, rounds).items()}
 
 
-def full_step(rounds: int) -> None:
+def full_step(rounds: int, rows: results.Rows) -> None:
     print(f"A full step with four ranges, resampling every time (median of {rounds}, ms)")
-    for n in (10_000, 30_000, 100_000):
+    for n in (10_000, 100_000, 1_000_000):
         ranges = truth(rounds + 2)
         drive = DifferentialDrive(*SIGMA_U, sigma_pose=(0.0, 0.0, 0.0))
         mine = {
@@ -167,8 +159,12 @@ def full_step(rounds: int) -> None:
         theirs = peers(n, ranges)
         contestants = {("coursekit", k): call for k, call in mine.items()}
         contestants |= {("particles", k): call for k, call in theirs.items()}
-        seconds = interleaved(contestants, rounds)
+        each = results.in_turns(contestants, rounds)
+        seconds = {name: float(np.median(one)) for name, one in each.items()}
         for kind in mine:
+            peer, by = each.get(("particles", kind)), ("particles", results.version("particles")) if theirs else None
+            rows.add(f"one step of {n:,} particles, four ranges, {kind}", "ms", 1e3 * each["coursekit", kind],
+                     None if peer is None else 1e3 * peer, by)  # fmt: skip
             line = f"  n = {n:7,d}  {kind:24s} coursekit {1e3 * seconds['coursekit', kind]:7.2f}"
             if theirs:
                 ratio = seconds["particles", kind] / seconds["coursekit", kind]
@@ -178,7 +174,7 @@ def full_step(rounds: int) -> None:
         print("  (the particles package is not importable here; see the top of this file)")
 
 
-def resampling(rounds: int) -> None:
+def resampling(rounds: int, rows: results.Rows) -> None:
     n = 1_000_000
     weights = np.random.default_rng(0).random(n) ** 4
     weights /= weights.sum()
@@ -195,7 +191,11 @@ def resampling(rounds: int) -> None:
         contestants["filterpy systematic"] = lambda: systematic_resample(weights)
     except ImportError:
         print("(filterpy is not importable here)")
-    seconds = interleaved(contestants, rounds)
+    each = results.in_turns(contestants, rounds)
+    seconds = {name: float(np.median(one)) for name, one in each.items()}
+    peer, by = each.get("filterpy systematic"), ("filterpy", results.version("filterpy"))
+    rows.add("systematic resampling of 1,000,000 particles", "ms", 1e3 * each["systematic"],
+             None if peer is None else 1e3 * peer, None if peer is None else by)  # fmt: skip
     print(f"\nResampling a million particles (median of {rounds}, ms)")
     for name, value in seconds.items():
         print(f"  {name:26s} {1e3 * value:9.2f}")
@@ -274,13 +274,14 @@ def draw(table: dict[int, tuple[dict[str, float], dict[str, float]]], path: Path
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
-    parser.add_argument("--rounds", type=int, default=15)
+    parser = results.parser(__doc__, rounds=15)
     parser.add_argument("--figure", type=Path)
     options = parser.parse_args()
     if options.rounds < 7:
         parser.error("--rounds: a median of fewer than 7 says little")
+    rows = results.Rows("Particle filter", threads=1)
     print(f"NumPy {np.__version__}")
-    full_step(options.rounds)
-    resampling(min(options.rounds, 7))
+    full_step(options.rounds, rows)
+    resampling(options.rounds, rows)
+    rows.store(options.json)
     where_the_time_goes(min(options.rounds, 9), options.figure)

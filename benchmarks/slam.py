@@ -1,21 +1,23 @@
 """What does a step of EKF-SLAM cost as the map grows, beside whole matrices and Corke's toolbox?
 
-    python benchmarks/slam.py [--rounds 15] [--figure growth.png]
+    python benchmarks/slam.py [--rounds 15] [--json FILE] [--figure growth.png]
 
 A step is a prediction and one measurement of a landmark that is in the map, ids known, for maps of 10 to 1,000
 landmarks.  Three programs: ours, which downdates one triangle in place; the textbook's whole matrices and (I - K H) P;
 and roboticstoolbox's EKF with its defaults (``pip install roboticstoolbox-python``; version 1.5.0 was used; without it
-that column is left out).  All start from the same map.  Each time is the least of the rounds.  BLAS is held to one
+that column is left out).  All start from the same map.  Each time is the least of the rounds.  At 1,000 landmarks ours
+and the toolbox run in turns, too; of 3,000 landmarks, and of joint compatibility with 100 measurements of 1,000
+landmarks, ours alone is timed.  BLAS is held to one
 thread, which favours none: the machine's other cores would help the whole matrices only.
 """
 
 from __future__ import annotations
 
+import itertools
 import os
 
 os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")  # before NumPy is imported
 
-import argparse
 import sys
 import time
 from collections.abc import Callable
@@ -27,10 +29,11 @@ sys.path[0] = str(Path(__file__).resolve().parents[1])
 
 import numpy as np  # noqa: E402
 
+from benchmarks import results  # noqa: E402
 from coursekit.gaussian import Gaussian  # noqa: E402
 from coursekit.models import DifferentialDrive, RangeBearing  # noqa: E402
 from coursekit.slam import EkfSlam  # noqa: E402
-from coursekit.slam.association import Association, Known, Mahalanobis  # noqa: E402
+from coursekit.slam.association import Association, JointCompatibility, Known, Mahalanobis  # noqa: E402
 from coursekit.teaching import plotting  # noqa: E402
 
 SIZES = (10, 20, 50, 100, 200, 500, 1000)
@@ -132,9 +135,47 @@ def least(step: Step | None, n: int, rounds: int) -> float:
     return min(times[1:])
 
 
+def in_turns(step: Step, n: int) -> Callable[[], object]:
+    """The step with another landmark each time."""
+    landmarks = itertools.cycle(range(n))
+    return lambda: step(next(landmarks))
+
+
+def stored(rounds: int, path: Path | None) -> None:
+    """The rows for the book."""
+    rows = results.Rows("EKF-SLAM", threads=1)
+    slam, step = ours(1000)
+    jobs = {"ours": in_turns(step, 1000)}
+    if corke := toolbox(1000, slam, world(1000)[1]):
+        jobs["toolbox"] = in_turns(corke, 1000)
+    ms = {name: 1e3 * seconds for name, seconds in results.in_turns(jobs, max(11, rounds)).items()}
+    by = ("roboticstoolbox-python", results.version("roboticstoolbox-python")) if corke else None
+    rows.add("one step, 1,000 landmarks", "ms", ms["ours"], ms.get("toolbox"), by)
+    many = 1e3 * results.in_turns({3000: in_turns(ours(3000)[1], 3000)}, 3 * rounds)[3000]
+    rows.add("one step, 3,000 landmarks (wanted: at most 10 ms)", "ms", many)
+    whom = joint_compatibility(1000, 100)
+    seconds = results.in_turns({"joint": whom}, rounds)["joint"]
+    rows.add("joint compatibility, the nearest 100 of 1,000 landmarks measured (wanted: at most 0.2 s)", "s", seconds)
+    print(f"a step with 3,000 landmarks {np.median(many):.1f} ms; "
+          f"joint compatibility, 100 of 1,000 {np.median(seconds):.3f} s, {whom()} found right")  # fmt: skip
+    rows.store(path)
+
+
+def joint_compatibility(n: int, m: int) -> Callable[[], int]:
+    """A map of n landmarks, and noisy measurements of the m nearest: how many does the rule give to the right ones?"""
+    slam, _ = ours(n)
+    slam.predict(CONTROL, DT)
+    x, y, theta = slam.pose.mean
+    dx, dy = (slam.landmarks - [x, y]).T
+    nearest = np.argsort(np.hypot(dx, dy))[:m]
+    exact = np.stack([np.hypot(dx, dy), np.arctan2(dy, dx) - theta], axis=-1)[nearest]
+    z = exact + np.random.default_rng(0).normal(size=(m, 2)) * np.sqrt(np.diag(R))
+    rule = JointCompatibility(0.99)
+    return lambda: int(np.sum(rule(slam._observations(z, np.tile(R, (m, 1, 1)), None)) == nearest))
+
+
 def main() -> int:
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
-    parser.add_argument("--rounds", type=int, default=15)
+    parser = results.parser(__doc__, rounds=15)
     parser.add_argument("--figure", type=Path, help="where to draw the growth")
     options = parser.parse_args()
     names = ("ours, ids known", "ours, gate", "whole matrices", "toolbox")
@@ -162,6 +203,7 @@ def main() -> int:
     print(f"at 10 landmarks: {ratio[0, 0]:.1f} × faster than whole matrices, {ratio[0, 1]:.0f} × than the toolbox")
     print(f"at 1,000 landmarks: {ratio[-1, 0]:.0f} × faster than whole matrices, {ratio[-1, 1]:.0f} × than the toolbox")
     print(f"the covariance's update alone: {dense / in_place:.0f} × at 1,000, {dense_10 / in_place_10:.1f} × at 10")
+    stored(options.rounds, options.json)
     if options.figure:
         draw(table, names, options.figure)
     held = exponents[0] <= 2 and ratio[0, 0] >= 1 and ratio[-1, 0] >= 300 and dense / in_place >= 300

@@ -1,6 +1,6 @@
 """How good is the visual filter, and how fast?
 
-    python benchmarks/visual.py                      # speed, interleaved; about a minute
+    python benchmarks/visual.py [--json FILE]        # speed, interleaved; about a minute
     python benchmarks/visual.py --acceptance 50      # 50 dives of 200 frames from nowhere, one kidnapping each
     python benchmarks/visual.py --weights            # plain, inflated, the report's, mixed, direct: error and ESS
     python benchmarks/visual.py --photographs        # photographs that scikit-image and scikit-learn ship, as maps
@@ -11,7 +11,7 @@ spreads the dives over processes.
 
 from __future__ import annotations
 
-import argparse
+import subprocess
 import sys
 import time
 from concurrent.futures import ProcessPoolExecutor
@@ -26,6 +26,7 @@ import cv2  # noqa: E402
 import numpy as np  # noqa: E402
 from scipy.stats import chi2  # noqa: E402
 
+from benchmarks import results  # noqa: E402
 from coursekit import particles  # noqa: E402
 from coursekit.gaussian import mahalanobis_squared  # noqa: E402
 from coursekit.models import pose_residual  # noqa: E402
@@ -143,7 +144,7 @@ def timed(call) -> tuple[float, float]:
     return time.perf_counter() - start, time.process_time() - busy
 
 
-def speed(rounds: int) -> bool:
+def speed(rounds: int, path: Path | None) -> bool:
     """Milliseconds, each round one of each after the other, so that whatever else runs here hits all alike."""
     sea, matcher, calibration = tools()
     recorded = dive(sea, rounds, seed=1, start=[400, 400, np.pi / 2], targets=[[900, 400], [400, 400]])
@@ -170,6 +171,15 @@ def speed(rounds: int) -> bool:
     for name, seconds in median.items():
         busy = np.median(taken[name], axis=0)[1]
         print(f"  {name:44s} {1e3 * seconds:8.1f} ms  {1 / seconds:8.1f} /s   ({1e3 * busy:.1f} ms of processors)")
+    rows = results.Rows("Visual filter", threads=cv2.getNumThreads())
+    first, second = (np.array(values)[:, 0] for values in list(taken.values())[:2])
+    rows.add("one frame matched and 1,000 particles moved (wanted: at most 33 ms)", "ms", 1e3 * (first + second))
+    if Path("/proc/self/status").exists():
+        memory = bytes_a_pixel(4000)
+        print(f"  a map of 4,000 × 4,000 px of blobs: {memory:.0f} bytes a pixel while it is read (40 asked)")
+        job = "memory while a map of 4,000 × 4,000 px, all blobs, is read (wanted: at most 40)"
+        rows.add(job, "bytes a pixel", memory)
+    rows.store(path)
     locate, step, anew = (list(median.values())[k] for k in (0, 1, -1))
     claims = {
         f"matching {1 / locate:.0f} frames/s (20 asked)": 1 / locate >= 20,
@@ -179,6 +189,30 @@ def speed(rounds: int) -> bool:
     for text, holds in claims.items():
         print(f"  {'holds' if holds else 'FAILS'}  {text}")
     return all(claims.values())
+
+
+def bytes_a_pixel(side: int) -> float:
+    """How far a process of its own grows at most while it makes a matcher of a square map."""
+    code = f"""
+import re
+import cv2
+import numpy as np
+from pathlib import Path
+from coursekit.visual import MapMatcher
+def peak():
+    return 1024 * int(re.search(r"VmHWM:\\s*(\\d+) kB", Path("/proc/self/status").read_text())[1])
+cv2.setNumThreads(1)
+def blobs(side):
+    noise = np.random.default_rng(0).integers(0, 256, (side, side), dtype=np.uint8)
+    return cv2.normalize(cv2.GaussianBlur(noise, (0, 0), 3.0), None, 0, 255, cv2.NORM_MINMAX)
+MapMatcher(blobs(200))
+image = blobs({side})
+before = peak()
+MapMatcher(image)
+print((peak() - before) / image.size)
+"""
+    asked = subprocess.run([sys.executable, "-c", code], cwd=results.ROOT, capture_output=True, text=True, check=True)
+    return float(asked.stdout)
 
 
 def weights() -> bool:
@@ -281,12 +315,11 @@ def photographs() -> bool:
 
 
 if __name__ == "__main__":
-    parser = argparse.ArgumentParser(description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter)
+    parser = results.parser(__doc__, rounds=40)
     parser.add_argument("--acceptance", type=int, metavar="SEEDS", default=0)
     parser.add_argument("--workers", type=int, default=1)
     parser.add_argument("--weights", action="store_true")
     parser.add_argument("--photographs", action="store_true")
-    parser.add_argument("--rounds", type=int, default=40)
     asked = parser.parse_args()
     cv2.setNumThreads(1 if asked.workers > 1 else 2)
     if asked.acceptance:
@@ -296,5 +329,5 @@ if __name__ == "__main__":
     elif asked.photographs:
         held = photographs()
     else:
-        held = speed(asked.rounds)
+        held = speed(asked.rounds, asked.json)
     sys.exit(0 if held else 1)

@@ -2,6 +2,7 @@
 
 import json
 import re
+import subprocess
 import sys
 from pathlib import Path
 
@@ -18,7 +19,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent / "book"))
 sys.path.insert(0, str(Path(__file__).parent.parent / "book" / "_ext"))
 import docstrings
 import terms
-from reference import api, course_map, formulas, gallery, pictures, speed
+from reference import api, course_map, formulas, gallery, limits, pictures, speed
 
 ROOT = Path(__file__).parent.parent
 LABS = sorted([*notebooks.NOTEBOOKS, *notebooks.OPTIONAL])
@@ -178,3 +179,40 @@ def test_a_result_that_lacks_a_field_is_refused_and_none_at_all_is_said(tmp_path
         speed.read(tmp_path)
     monkeypatch.setattr(speed, "read", lambda: [])
     assert "No result is stored" in speed.pages()["how_fast.md"]
+
+
+def test_a_figure_without_a_peer_is_shown_with_its_own_spread(tmp_path):
+    alone = dict.fromkeys(("peer", "peer_name", "peer_version", "ratio")) | {"spread": [19.0, 24.0]}
+    (tmp_path / "ekf.json").write_text(json.dumps([ROW | alone]))
+    assert "| one step | 20 µs (19 to 24) |  |  | 200 |" in speed.table(speed.read(tmp_path))
+    assert "| one step | 12,345 µs (19 to 24) |" in speed.table([ROW | alone | {"ours": 12345.0}])
+
+
+def test_jobs_with_one_limit_share_its_sentence(monkeypatch):
+    monkeypatch.setattr(limits, "LIMITS", {"EKF": {"one": "Calls.", "one step of many": "Memory."}})
+    jobs = ["one step", "one leap (wanted: 2 ms)", "one step of many", "none"]
+    table = speed.table([ROW | {"row": job} for job in jobs])
+    assert "- *one …*: Calls.\n- *one step of many*: Memory.\n\nMeasured" in table
+
+
+@pytest.fixture(scope="module")
+def measured(tmp_path_factory):
+    """What one script stores, with as few rounds as can be."""
+    path = tmp_path_factory.mktemp("results") / "made" / "camera.json"
+    command = [sys.executable, str(ROOT / "benchmarks" / "camera.py"), "--rounds", "2", "--json", str(path)]
+    subprocess.run(command, check=True, capture_output=True, timeout=300, cwd=path.parents[1])
+    return speed.read(path.parent)
+
+
+def test_what_a_benchmark_stores_has_the_fields_and_the_page_shows_it(measured, monkeypatch):
+    assert len(measured) == 3 and all(set(row) == set(speed.FIELDS) for row in measured)
+    assert all(row["rounds"] == 2 and row["ours"] > 0 and row["peer"] is None for row in measured)
+    monkeypatch.setattr(speed, "read", lambda: measured)
+    page = speed.pages()["how_fast.md"]
+    assert "No result is stored" not in page
+    assert all(f"| {row['row']} | {row['ours']:.3g} ms (" in page for row in measured)
+
+
+def test_every_job_that_is_stored_has_a_sentence_on_its_limit(measured):
+    rows = measured + speed.read()
+    assert not {(row["benchmark"], row["row"]) for row in rows if not limits.limit(row["benchmark"], row["row"])}

@@ -3,11 +3,15 @@
 from __future__ import annotations
 
 import json
+from itertools import takewhile
 from pathlib import Path
 from typing import Any
 
+from reference.limits import limit
+
 RESULTS = Path(__file__).resolve().parents[2] / "benchmarks" / "results"
-# One row of a result: a job that ours and a peer did in turns.  ``peer`` may be null: then only ours was measured.
+# One row of a result: a job that ours and a peer did in turns.  ``peer`` may be null: then only ours was measured, and
+# ``spread`` is that of ours, not of the ratio.
 FIELDS = {
     "benchmark": str, "row": str, "unit": str, "ours": (int, float), "peer": (int, float, type(None)),
     "peer_name": (str, type(None)), "peer_version": (str, type(None)), "ratio": (int, float, type(None)),
@@ -27,8 +31,20 @@ def read(folder: Path = RESULTS) -> list[dict[str, Any]]:
     return found
 
 
+def _number(value: float) -> str:
+    return f"{value:,.0f}" if abs(value) >= 1000 else f"{value:.3g}"
+
+
 def _figure(value: float | None, unit: str) -> str:
-    return "" if value is None else f"{value:.3g} {unit}"
+    return "" if value is None else f"{_number(value)} {unit}"
+
+
+def _together(jobs: list[str]) -> str:
+    """One name for some jobs: the words that they begin with."""
+    if len(jobs) == 1:
+        return jobs[0]
+    alike = takewhile(lambda words: len(set(words)) == 1, zip(*(job.split() for job in jobs)))
+    return " ".join([*(words[0] for words in alike), "…"]).replace("`", "")
 
 
 def table(rows: list[dict[str, Any]]) -> str:
@@ -43,17 +59,21 @@ def table(rows: list[dict[str, Any]]) -> str:
                 " )", ")"
             )
             ratio = "" if row["ratio"] is None else f"{row['ratio']:.2f}"
-            if ratio and row["spread"]:
+            ours = _figure(row["ours"], row["unit"])
+            if row["spread"] and ratio:
                 ratio += f" ({row['spread'][0]:.2f} to {row['spread'][1]:.2f})"
-            lines.append(
-                f"| {row['row']} | {_figure(row['ours'], row['unit'])} | {peer if row['peer_name'] else ''} | "
-                f"{ratio} | {row['rounds']} |"
-            )
+            elif row["spread"]:
+                ours += f" ({_number(row['spread'][0])} to {_number(row['spread'][1])})"
+            lines.append(f"| {row['row']} | {ours} | {peer if row['peer_name'] else ''} | {ratio} | {row['rounds']} |")
         when = (
             f"Measured on {about['date']} at commit `{about['commit'][:10]}`, threads: {about['threads']}, on "
             f"{about['machine']}."
         )
-        blocks.append(f"## {name}\n\n" + "\n".join(lines) + f"\n\n{when}")
+        said: dict[str, list[str]] = {}  # jobs by the sentence that they share
+        for job in dict.fromkeys(row["row"] for row in mine):
+            said.setdefault(limit(name, job), []).append(job.partition(" (wanted")[0])
+        behind = [f"- *{_together(jobs)}*: {sentence}" for sentence, jobs in said.items() if sentence]
+        blocks.append("\n".join([f"## {name}", "", *lines, "", "What limits ours:", "", *behind, "", when]))
     return "\n\n".join(blocks)
 
 
@@ -67,7 +87,7 @@ in one process and in turns, so that whatever else the machine does slows both a
 
 The figure to look at is the ratio: 2 means that the peer takes twice as long, 0.5 that it takes half as long. It is the
 median over the rounds. In brackets stands how far the rounds' ratios spread, from the tenth to the ninetieth
-percentile. Times depend on the machine, ratios much less. A benchmark of speed says nothing about what else the peers
-can do."""
+percentile; where there is no peer, how far our own figures spread. Times depend on the machine, ratios much less. A
+benchmark of speed says nothing about what else the peers can do."""
 NOTHING = """No result is stored in this copy of the book: the folder `benchmarks/results` is empty. Run `make bench` to
 measure on your own machine."""

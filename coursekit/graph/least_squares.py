@@ -215,7 +215,9 @@ def _whitened(x: list[Array], factors: Sequence[Factor], roots: Sequence[Any], s
 
 def _factored(J: Any) -> Any:
     try:
-        return splu((J.T @ J).tocsc())
+        # Jᵀ J is symmetric and positive definite: an order and pivots for such matrices leave far fewer numbers in it.
+        symmetric = {"permc_spec": "MMD_AT_PLUS_A", "diag_pivot_thresh": 0.0, "options": {"SymmetricMode": True}}
+        return splu((J.T @ J).tocsc(), **symmetric)
     except RuntimeError:  # exactly singular
         raise ValueError("factors: they leave an unknown free; a prior on one pose fixes where the map is") from None
 

@@ -22,6 +22,7 @@ from scipy.spatial import cKDTree
 from coursekit.geometry import Array
 from coursekit.icp.checks import check_cloud, check_shape
 
+LARGE = 20_000  # points that are worth putting in order before a tree is asked about them
 NO_MATCH = -1  # the index of "no target point within reach"
 
 
@@ -141,7 +142,7 @@ class KdTree:
     def _ask(self, points: Array, reach: float) -> tuple[np.ndarray, Array, int]:
         """The nearest, half the gap to the second nearest (or to the end of the reach), and the number of ties."""
         bound = np.nextafter(reach, np.inf)  # scipy's bound is open, ours is closed
-        distance, index = self.tree.query(points, k=2, distance_upper_bound=bound)
+        distance, index = _queried(self.tree, points, bound)
         first, gap = distance[:, 0], np.minimum(distance[:, 1], reach)
         found = np.isfinite(first)
         gap[found] -= first[found]
@@ -176,6 +177,19 @@ def distinct(cloud: Array) -> np.ndarray:
 
 def _tree(target: Array) -> cKDTree:
     return cKDTree(target, balanced_tree=False, compact_nodes=False)
+
+
+def _queried(tree: cKDTree, points: Array, bound: float) -> tuple[Array, np.ndarray]:
+    """The two nearest, (n, 2) distances and indices.
+
+    A large cloud asks in the order of its own tree: neighbours walk the same nodes, which then are in the cache.
+    """
+    if len(points) < LARGE:
+        return tree.query(points, k=2, distance_upper_bound=bound)
+    order = cKDTree(points, balanced_tree=False).indices
+    distance, index = tree.query(points[order], k=2, distance_upper_bound=bound)
+    back = np.argsort(order)
+    return distance[back], index[back]
 
 
 def distances(a: Array, b: Array) -> Array:

@@ -70,7 +70,8 @@ def largest_compatible_set(
     """The pairs of the largest jointly compatible set; among sets of one size, those of the least joint distance.
 
     order : the measurements in the order in which the tree branches.  options : the landmarks that each may be.
-    A branch is left when even pairing every remaining measurement could not beat the best set so far.
+    A branch is left when even pairing every remaining measurement could not beat the best set so far.  One more pair
+    never makes the joint distance less, so a branch that could only draw level is left where its distance is no less.
     """
     best, stack, nodes = PairSet(), [(0, PairSet())], 0
     while stack and nodes < max_nodes:
@@ -78,7 +79,8 @@ def largest_compatible_set(
         nodes += 1
         if (len(state.pairs), -state.squared) > (len(best.pairs), -best.squared):
             best = state
-        if level == len(order) or len(state.pairs) + len(order) - level < len(best.pairs):
+        reachable = len(state.pairs) + len(order) - level
+        if level == len(order) or (reachable, -state.squared) <= (len(best.pairs), -best.squared):
             continue
         i, taken = order[level], {b for _, b in state.pairs}
         stack.append((level + 1, state))  # the branch in which i is left out, tried last

@@ -3,7 +3,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from coursekit.icp import NO_MATCH, BruteForce, KdTree
+from coursekit.icp import NO_MATCH, BruteForce, KdTree, matching
 from coursekit.icp.matching import closest
 from tests.work import within
 
@@ -62,6 +62,15 @@ def test_the_tree_is_asked_only_about_points_that_may_have_changed_their_mind(mo
         tree.nearest(points, np.inf)
     assert asked[0] == 2000
     assert 0 < asked[1] < 400 and asked[2] < 20 and asked[3] <= asked[2]
+
+
+def test_a_large_cloud_that_asks_in_another_order_gets_the_same_answers(monkeypatch):
+    rng = np.random.default_rng(0)
+    target, points = rng.normal(size=(300, 3)), np.repeat(rng.normal(size=(100, 3)), 2, axis=0)
+    before = KdTree(target).nearest(points, 0.5)
+    monkeypatch.setattr(matching, "LARGE", len(points))
+    after = KdTree(target).nearest(points, 0.5)
+    assert all(np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 
 def test_another_reach_or_another_cloud_is_asked_afresh():

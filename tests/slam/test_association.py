@@ -210,6 +210,14 @@ def test_a_crowd_is_answered_with_bounded_work():
     assert np.sum(stopped >= 0) > 10
 
 
+def test_the_search_ends_when_no_other_set_can_agree_better():
+    """Each of twenty landmarks has a twin 5 cm away that would do, too: 2²⁰ sets of twenty pairs."""
+    landmarks = np.random.default_rng(6).uniform(-10, 10, (20, 2))
+    z, rule = seen(landmarks), JointCompatibility(0.99)
+    twins = np.concatenate([landmarks, landmarks + np.array([0.05, 0.0])])
+    assert within(50_000, lambda: rule(observations(z, twins))).tolist() == list(range(20))
+
+
 @pytest.mark.parametrize(
     ("make", "message"),
     [
