@@ -142,8 +142,8 @@ VIEWPORT = re.compile(r'\s*<meta name="viewport"[^>]*>')
 MATH = r'<span class="math[^>]*>(?:(?!</?span\b).)*</span>'
 ENTRY = rf'<span class="symbol-entry"[^>]*>(?:(?!</?span\b).|{MATH})*</span>'
 WITH_ENTRY = rf'<span class="symbol"[^>]*>{MATH}{ENTRY}</span>'
-BEFORE_A_SIGN = re.compile(rf"({WITH_ENTRY}|{MATH})([.,;:!?)\]’”]+)", re.DOTALL)
-CELL = re.compile(r"<td\b.*?</td>", re.DOTALL)
+FORMULA_IN_TEXT = re.compile(rf"([(\[“]*)({WITH_ENTRY}|{MATH})([.,;:!?)\]’”]*)", re.DOTALL)
+CELL = re.compile(r"<(t[dh])\b.*?</\1>", re.DOTALL)
 LITERAL = re.compile(r'<code class="[^"]*\bliteral\b.*?</code>', re.DOTALL)
 
 
@@ -153,9 +153,14 @@ def _summary(match: re.Match[str]) -> str:
     return match[1] + attributes + match[3] + words + match[5]
 
 
+def _kept(formula: re.Match[str]) -> str:
+    """A formula together with the bracket before it and the sign after it."""
+    return f'<span class="kept">{formula[0]}</span>' if formula[1] or formula[3] else formula[0]
+
+
 def _foldable(name: re.Match[str]) -> str:
-    """A name that is too long for its column goes on after an underscore, not within a word."""
-    return re.sub(r"(?<=\w)_(?=\w[^<>]*<)", "_<wbr>", name[0])
+    """A name that is too long for its column goes on after an underscore, a point or a bracket, not within a word."""
+    return re.sub(r"(?<=\w)([_.(])(?=\w[^<>]*<)", r"\1<wbr>", name[0])
 
 
 def mend(page: str) -> str:
@@ -176,7 +181,7 @@ def mend(page: str) -> str:
         '<div id="pst-primary-sidebar" ', '<div id="pst-primary-sidebar" role="region" aria-label="The book" '
     )
     page = re.sub(r'(<button class="btn search-button-field[^>]*?) aria-label="Search"', r"\1", page)
-    page = BEFORE_A_SIGN.sub(r'<span class="kept">\1\2</span>', page)
+    page = FORMULA_IN_TEXT.sub(_kept, page)
     page = CELL.sub(lambda cell: LITERAL.sub(_foldable, cell[0]), page)
     page = page.replace("\\_", "_") if "doi.org" in page and re.search(r'href="[^"]*\\_', page) else page
     return _single_ids(_gather_styles(page))

@@ -273,6 +273,7 @@ def test_a_full_stop_stays_with_its_formula_and_a_long_name_in_a_table_breaks_be
     mended = finish.mend(f"<p>{math}. Then {math} and {entry}, so {entry} is {math}</p>")
     assert mended.startswith(f'<p><span class="kept">{math}.</span> Then {math} and <span class="kept">{entry},</span>')
     assert mended.endswith(f" {entry} is {math}</p>")
+    assert finish.mend(f"<p>so ({math}) is</p>") == f'<p>so <span class="kept">({math})</span> is</p>'
     code = '<code class="docutils literal"><span class="pre" id="a_b">half_a_circle</span></code>'
     cell = f"<td><p>{code}, not_code</p></td>"
     assert finish.mend(f"<p>{code}</p>{cell}") == f"<p>{code}</p>" + cell.replace(
