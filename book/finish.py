@@ -138,12 +138,29 @@ SUMMARY = re.compile(r"(<summary)([^>]*)(>)(.*?)(</summary>)", re.DOTALL)
 STYLE = re.compile(r"<style>.*?</style>", re.DOTALL)
 FOLD = re.compile(r'(<a class="[^"]*reference internal" href="[^"]*">)([^<]*)(</a><details[^>]*>)<summary>')
 VIEWPORT = re.compile(r'\s*<meta name="viewport"[^>]*>')
+# A formula is a box, and a browser may begin a line after any box, with a full stop if need be.
+MATH = r'<span class="math[^>]*>(?:(?!</?span\b).)*</span>'
+ENTRY = rf'<span class="symbol-entry"[^>]*>(?:(?!</?span\b).|{MATH})*</span>'
+WITH_ENTRY = rf'<span class="symbol"[^>]*>{MATH}{ENTRY}</span>'
+FORMULA_IN_TEXT = re.compile(rf"([(\[“]*)({WITH_ENTRY}|{MATH})([.,;:!?)\]’”]*)", re.DOTALL)
+CELL = re.compile(r"<(t[dh])\b.*?</\1>", re.DOTALL)
+LITERAL = re.compile(r'<code class="[^"]*\bliteral\b.*?</code>', re.DOTALL)
 
 
 def _summary(match: re.Match[str]) -> str:
     attributes = match[2].replace(' aria-label="Toggle hidden content"', "")  # it would hide "Show the solution"
     words = re.sub(r"<(/?)p\b", r"<\1span", match[4])
     return match[1] + attributes + match[3] + words + match[5]
+
+
+def _kept(formula: re.Match[str]) -> str:
+    """A formula together with the bracket before it and the sign after it."""
+    return f'<span class="kept">{formula[0]}</span>' if formula[1] or formula[3] else formula[0]
+
+
+def _foldable(name: re.Match[str]) -> str:
+    """A name that is too long for its column goes on after an underscore, a point or a bracket, not within a word."""
+    return re.sub(r"(?<=\w)([_.(])(?=\w[^<>]*<)", r"\1<wbr>", name[0])
 
 
 def mend(page: str) -> str:
@@ -164,6 +181,8 @@ def mend(page: str) -> str:
         '<div id="pst-primary-sidebar" ', '<div id="pst-primary-sidebar" role="region" aria-label="The book" '
     )
     page = re.sub(r'(<button class="btn search-button-field[^>]*?) aria-label="Search"', r"\1", page)
+    page = FORMULA_IN_TEXT.sub(_kept, page)
+    page = CELL.sub(lambda cell: LITERAL.sub(_foldable, cell[0]), page)
     page = page.replace("\\_", "_") if "doi.org" in page and re.search(r'href="[^"]*\\_', page) else page
     return _single_ids(_gather_styles(page))
 

@@ -267,6 +267,20 @@ def test_folds_keep_their_words_and_ids_come_once():
     assert mended.count("<style>") == 1 and mended.index("<style>") < mended.index("</head>")
 
 
+def test_a_full_stop_stays_with_its_formula_and_a_long_name_in_a_table_breaks_between_words():
+    math = '<span class="math notranslate">x</span>'
+    entry = f'<span class="symbol" tabindex="0">{math}<span class="symbol-entry">the {math} in m</span></span>'
+    mended = finish.mend(f"<p>{math}. Then {math} and {entry}, so {entry} is {math}</p>")
+    assert mended.startswith(f'<p><span class="kept">{math}.</span> Then {math} and <span class="kept">{entry},</span>')
+    assert mended.endswith(f" {entry} is {math}</p>")
+    assert finish.mend(f"<p>so ({math}) is</p>") == f'<p>so <span class="kept">({math})</span> is</p>'
+    code = '<code class="docutils literal"><span class="pre" id="a_b">half_a_circle</span></code>'
+    cell = f"<td><p>{code}, not_code</p></td>"
+    assert finish.mend(f"<p>{code}</p>{cell}") == f"<p>{code}</p>" + cell.replace(
+        "half_a_circle", "half_<wbr>a_<wbr>circle"
+    ).replace('id="a_b"', 'id="a_b-2"')
+
+
 @pytest.mark.skipif(shutil.which("node") is None, reason="without Node.js the reader's browser typesets the formulas")
 def test_formulas_are_typeset_when_the_book_is_built_and_a_mistake_in_one_stops_it(conf):
     page = r'<head></head><body><span class="math notranslate">\(%s\)</span>'

@@ -98,7 +98,7 @@ def table(labs: list[Path]) -> str:
     lines = ["| lab | core | going further | project | needs | unlocks |", "| --- | --- | --- | --- | --- | --- |"]
     for path in labs:
         number = lab_number(path)
-        spent = [f"{m} min" if m else "" for m in minutes.minutes(path)]
+        spent = [f"{m}\N{NO-BREAK SPACE}min" if m else "" for m in minutes.minutes(path)]
         after = sorted(other for other, before in wants.items() if number in before)
         before = sorted(wants[number]) or (["5"] if number == "5b" else [])
         name = f"[Lab {number}](notebooks/{path.name}) {title(path)}"

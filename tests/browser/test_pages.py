@@ -56,6 +56,30 @@ FAINT = """(least) => {
   return [...faint];
 }"""
 
+# Pictures whose width and height on the page are not in the proportion in which they were drawn.
+SQUEEZED = """[...document.querySelectorAll("article img")].filter((i) => i.clientHeight
+  && getComputedStyle(i).objectFit === "fill"
+  && Math.abs(i.clientWidth * i.naturalHeight / (i.clientHeight * i.naturalWidth) - 1) > 0.02)
+  .map((i) => `${i.alt.slice(0, 40)}: ${i.clientWidth} x ${i.clientHeight}`)"""
+# Boxes that stay light at night, with drawings in them that are made for a dark page.
+PALE = """[...document.querySelectorAll("article div")].filter((e) => {
+  const [r, g, b, a = 1] = getComputedStyle(e).backgroundColor.match(/[\\d.]+/g).map(Number);
+  return a === 1 && (r + g + b) / 3 > 150 && e.clientHeight; }).map((e) => e.className + e.innerText.slice(0, 40))"""
+# Text that begins a line with a full stop or a comma, because what stands before it is a box.
+ORPHANS = r"""() => {
+  const found = [], range = document.createRange();
+  const walker = document.createTreeWalker(document.querySelector("article") ?? document.body, NodeFilter.SHOW_TEXT);
+  while (walker.nextNode()) {
+    const text = walker.currentNode, box = text.previousSibling;
+    if (!/^[.,;:!?)]/.test(text.data) || !box?.matches?.(".math, .symbol")) continue;
+    range.setStart(text, 0); range.setEnd(text, 1);
+    const formula = box.matches(".math") ? box : box.querySelector(".math");
+    const sign = range.getBoundingClientRect(), before = formula.getBoundingClientRect();
+    if (sign.height && sign.left < before.right - 2) found.push(text.parentElement.innerText.slice(0, 40));
+  }
+  return found;
+}"""
+
 
 def look(page, address, screen, scheme):
     width, height = SCREENS[screen]
@@ -79,9 +103,12 @@ def test_a_page_is_whole(page, site, name, screen, scheme):
     assert overflow <= 0, f"{overflow} px wider than the screen"
     images = page.evaluate("[...document.images].map((i) => [i.alt, i.naturalWidth, i.currentSrc.slice(-60)])")
     assert [source for alt, width, source in images if not alt.strip() or width == 0] == []
+    assert page.evaluate(SQUEEZED) == []
+    assert page.evaluate(ORPHANS) == []
     background = page.evaluate("getComputedStyle(document.body).backgroundColor")
     brightness = sum(map(int, re.findall(r"\d+", background)[:3])) / 3
     assert brightness > 200 if scheme == "light" else brightness < 60
+    assert scheme == "light" or page.evaluate(PALE) == []
     assert page.evaluate(FAINT, 4.0) == []
 
 

@@ -106,6 +106,17 @@ def show(page, tmp_path):
     return opened
 
 
+def test_a_drawing_keeps_its_colours_beside_the_book_s_coloured_code_and_its_words_their_size_on_a_phone(show):
+    page = show("pairs")
+    page.add_style_tag(content="html[data-theme=light] .highlight { color: #545454 }")
+    page.evaluate("document.documentElement.dataset.theme = 'light'")
+    assert page.evaluate("getComputedStyle(document.querySelector('.touch .highlight')).stroke") == "rgb(230, 159, 0)"
+    page = show("gate")
+    page.set_viewport_size({"width": 360, "height": 800})
+    size = "(t) => parseFloat(getComputedStyle(t).fontSize) * t.getScreenCTM().a"
+    assert min(page.evaluate(f"[...document.querySelectorAll('.touch-text')].map({size})")) > 9
+
+
 @pytest.mark.parametrize("scene", SCENES)
 def test_every_handle_answers_the_keyboard_and_says_where_it_is(show, scene):
     page = show(scene)

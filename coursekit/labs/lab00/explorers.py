@@ -125,7 +125,7 @@ class Endings:
                     bend = float(np.sqrt(P[2, 2]) * SPEED * time / Robot().track)
                     shown = cloud[: self.SHOWN, :2].T, (mean[:2] + ellipse(P[:2, :2])).T, _arc(turn, time).T
                     self.frames[time, slip, turn] = *shown, share, bend
-        self.figure = plotting.figure(7.8, 3.9)
+        self.figure = plotting.figure(6.6, 3.7)  # beside its text it is 454 px wide, and 9.5 pt are 9 px there
         # Room for the right panel's tick labels, which move, and for its title's subscript.
         self.figure.get_layout_engine().set(rect=(0, 0, 0.965, 0.97))  # type: ignore[union-attr, call-arg]
         self.left, self.right = plotting.axes(self.figure, 1, 2, width_ratios=[1.25, 1])

@@ -104,7 +104,7 @@ def followed(track: Track, run: Mrclam) -> Figure:
     panels = plotting.mosaic(fig, [["map", "error"], ["map", "nees"]], width_ratios=[1, 1.2])
     room(panels["map"], run)
     panels["map"].plot(*track.mean[:, :2].T, color=plotting.ESTIMATE, lw=0.9, label="estimate")
-    panels["map"].legend(loc="upper center", bbox_to_anchor=(0.5, -0.15), ncols=3)
+    panels["map"].legend(loc="upper center", bbox_to_anchor=(0.5, -0.2), ncols=3)
     panels["map"].set_title(f"Among known landmarks: {track.rmse(run):.3f} m RMS")
     known = track.time <= run.groundtruth[-1, 0]
     t, P = track.time[known] - track.time[0], track.cov[known]
