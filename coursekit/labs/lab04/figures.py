@@ -125,8 +125,8 @@ def update_as_contours(before: Gaussian, after: Gaussian, z: Array, R: Array, la
     axes[1].contour(x, y, straight, levels=levels[:1], colors=[plotting.ESTIMATE], linewidths=2, linestyles="solid")
     axes[1].plot(*before.mean, "+", color=plotting.PREDICTION, ms=10, mew=2)
     axes[2].plot(*(after.mean + ellipse(after.cov)).T, color=plotting.ESTIMATE, lw=2)
-    axes[0].plot([], [], color=plotting.ESTIMATE, lw=2, label="EKF, outer line only: the range made straight at +")
-    axes[0].plot([], [], color=plotting.WALL, lw=1, ls="--", label="exact: as far down as at the 68 % and 95 % ellipse")
+    axes[0].plot([], [], color=plotting.ESTIMATE, lw=2, label="EKF (outer line): the range made straight at +")
+    axes[0].plot([], [], color=plotting.WALL, lw=1, ls="--", label="exact: levels of the 68 % and 95 % ellipse")
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     axes[0].set_ylabel("y [m]")
     return fig

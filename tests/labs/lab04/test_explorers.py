@@ -58,9 +58,10 @@ def test_where_one_error_hides_the_other_the_share_tells_what_the_average_does_n
 
 def test_the_strips_title_and_the_words_name_the_same_nis():
     scene = Tuning()
-    scene.update(q_scale=1.0, r_scale=1.0, landmarks=2)
-    nis = Tuning.facts(q_scale=1.0, r_scale=1.0, landmarks=2)["nis"]
-    assert scene.scores.titles[1].get_text() == f"NIS {nis}"
+    for r_scale in (1.0, 1 / 4):  # one landmark: a step in which three drives see it would count like one with a hundred
+        scene.update(q_scale=1.0, r_scale=r_scale, landmarks=1)
+        nis = Tuning.facts(q_scale=1.0, r_scale=r_scale, landmarks=1)["nis"]
+        assert scene.scores.titles[1].get_text() == f"NIS {nis}"
     walk = RangesOnly()
     walk.update(time=0, landmarks=1, jacobian="derived")
     assert walk.scores.titles[1].get_text() == "NIS: none yet"
