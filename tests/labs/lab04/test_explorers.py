@@ -58,7 +58,7 @@ def test_where_one_error_hides_the_other_the_share_tells_what_the_average_does_n
 
 def test_the_strips_title_and_the_words_name_the_same_nis():
     scene = Tuning()
-    for r_scale in (1.0, 1 / 4):  # one landmark: a step in which three drives see it would count like one with a hundred
+    for r_scale in (1.0, 1 / 4):  # one landmark: in some steps only three drives see it
         scene.update(q_scale=1.0, r_scale=r_scale, landmarks=1)
         nis = Tuning.facts(q_scale=1.0, r_scale=r_scale, landmarks=1)["nis"]
         assert scene.scores.titles[1].get_text() == f"NIS {nis}"
