@@ -179,10 +179,11 @@ def score(name: str, design: Any, *, seed: int | None = None, runs: int | None =
     if seed is None and _published():
         seed = 0  # each build of a page shows the same
     seeds = [int(s) for s in np.random.SeedSequence(seed).generate_state(runs)]
-    with tqdm(total=2 * runs, desc=project.title, unit="run", leave=False, disable=in_a_grader()) as bar:
-        outcomes = _run_apart(project, design, seeds, bar)
-        references = _run_apart(project, project.reference, seeds, bar)
-    card = mark(project, outcomes, references)
+    ran = []
+    for title, built in ((project.title, design), ("the package on the same", project.reference)):
+        with tqdm(total=runs, desc=title, unit="run", leave=False, disable=in_a_grader()) as bar:
+            ran.append(_run_apart(project, built, seeds, bar))
+    card = mark(project, *ran)
     if card.mark == 0 and in_a_grader():
         raise AssertionError("\n".join(card.findings))
     return card

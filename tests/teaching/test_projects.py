@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+import tqdm.auto
 
 from coursekit.labs.lab04.project import PROJECT, Reference
 from coursekit.teaching import projects
@@ -48,3 +49,17 @@ def test_what_is_no_design_and_what_is_no_project_get_a_sentence():
         projects.score("lab99", Reference)
     with pytest.raises(ValueError, match="runs: expected at least 1"):
         projects.score("lab04", Reference, runs=0)
+
+
+def test_the_bar_counts_the_runs_that_were_asked_for(monkeypatch):
+    bars = []
+
+    class Bar(tqdm.auto.tqdm):
+        def __init__(self, **options):
+            super().__init__(**options)
+            bars.append(self)
+
+    monkeypatch.setattr(tqdm.auto, "tqdm", Bar)
+    projects.score("lab04", Reference, seed=1, runs=2)
+    assert [(bar.total, bar.n) for bar in bars] == [(2, 2), (2, 2)]
+    assert bars[0].desc.startswith(PROJECT.title) and "the package" in bars[1].desc

@@ -209,6 +209,8 @@ def _share_inside(answer: Any, rng: np.random.Generator, dof: int) -> None:
             "That is the share of the steps outside the band; inside is asked for.":
                 1 - np.mean((average > low) & (average < high)),
             "That is how many steps are inside; wanted is their share.": np.sum((average > low) & (average < high)),
+            "Right, but in per cent: the share is asked for as a number from 0 to 1.":
+                100 * np.mean((average > low) & (average < high)),
             "One side only, and with the band of one run: an average of many scatters less.":
                 np.mean(average < chi2.ppf(0.95, dof)),
             "The upper end of the band is right; a covariance that is far too large is wrong as well: two sides.":

@@ -134,7 +134,7 @@ class Tuning:
             line.set_data(*(tracks.mean[0, k, :2] + ellipse(tracks.cov[0, k, :2, :2])).T)
         rms = np.sqrt(np.mean(tracks.error(drives) ** 2))
         self.title.set_text(f"RMS error of {self.RUNS} drives: {rms:.2f} m")
-        self.scores.show(self.t, tracks.nees.mean(axis=0), average_nis(tracks.nis))
+        self.scores.show(self.t, tracks.nees.mean(axis=0), average_nis(tracks.nis), float(np.nanmean(tracks.nis)))
 
     @classmethod
     def facts(cls, q_scale: float, r_scale: float, landmarks: int) -> dict[str, str]:
@@ -270,7 +270,8 @@ class RangesOnly:
         self.ellipse.set_data(*(place.mean[k, 0] + ellipse(place.cov[k, 0])).T)
         error = np.hypot(*(place.mean[k] - truth[k][:, [0, 2]]).T)
         self.title.set_text(f"one of 40 walks; median error {np.median(error):.2f} m")
-        self.scores.show(t[: k + 1], scores[: k + 1], np.append(np.nan, surprises[:k].mean(axis=(1, 2))))
+        nis = surprises[:k].mean(axis=(1, 2))
+        self.scores.show(t[: k + 1], scores[: k + 1], np.append(np.nan, nis), nis.mean() if k else np.nan)
 
     @staticmethod
     def words(time: float, landmarks: int, jacobian: str) -> str:

@@ -137,7 +137,7 @@ def covariance_stays_symmetric_and_positive(correct: Any) -> bool:
 
 Failure(
     "lab04.transpose_first",
-    "PythonRobotics, EKF-SLAM (G.T @ P @ G), and many a blackboard.",
+    "PythonRobotics, EKF-SLAM (G.T @ P @ G; its G is our F), and many a blackboard.",
     transpose_first, ekf.predict, covariance_is_that_of_the_samples,
     "A wrong heading no longer becomes an error to the side: across the road, the ellipse hardly grows.",
 )  # fmt: skip
@@ -149,19 +149,19 @@ Failure(
 )  # fmt: skip
 Failure(
     "lab04.column_repeated",
-    "The homework, Eq. (10): the third column repeats (p_x - l_x)/r where (p_y - l_y)/r belongs.",
+    "A homework, its Eq. (10): the third column repeats (p_x - l_x)/r where (p_y - l_y)/r belongs.",
     column_repeated, RangeOnly, jacobian_is_the_derivative,
-    "The estimate can only slide along a diagonal, and along it the filter is surest.",
+    "The estimate can only slide along a diagonal, and there the filter is surest.",
 )  # fmt: skip
 Failure(
     "lab04.hard_gate",
-    "Textbook gating with a Q that is too small: on MRCLAM 7 it refuses almost every measurement.",
+    "Textbook gating with a Q that is too small: on MRCLAM 7 (Lab 9's log) it refuses almost every measurement.",
     hard_gate, ekf.correct_robustly, a_wrong_belief_is_given_up,
     "A filter that is sure and wrong turns away everything that could have told it so.",
 )  # fmt: skip
 Failure(
     "lab04.short_form",
-    "The homework, Eq. (12), and most programs: P ← (I - K H) P.",
+    "A homework, its Eq. (12), and most programs: P ← (I - K H) P.",
     short_form, ekf.correct, covariance_stays_symmetric_and_positive,
     "After a sharp measurement the matrix is no longer symmetric, and a variance may turn negative.",
 )  # fmt: skip

@@ -110,7 +110,7 @@ def update_as_contours(before: Gaussian, after: Gaussian, z: Array, R: Array, la
     prior = -0.5 * np.sum(e * np.linalg.solve(before.cov, e[..., None])[..., 0], axis=-1)
     r = np.hypot(*np.moveaxis(LANDMARKS[landmark] - points, -1, 0))
     likelihood = -0.5 * (z[0] - r) ** 2 / R[0, 0]
-    levels = [-0.5 * 5.99, -0.5 * 2.28, 0.0]  # 95 % and 68 %
+    levels = [-0.5 * 5.99, -0.5 * 2.28, 0.0]  # how far a Gaussian's density falls at its 95 % and its 68 % ellipse
     panels = (("prior", prior, plotting.PREDICTION), ("likelihood of one range", likelihood, plotting.MEASUREMENT),
               ("posterior: their product", prior + likelihood, plotting.TRUTH))  # fmt: skip
     axes: Any = plotting.axes(fig, 1, 3, sharey=True)
@@ -125,8 +125,8 @@ def update_as_contours(before: Gaussian, after: Gaussian, z: Array, R: Array, la
     axes[1].contour(x, y, straight, levels=levels[:1], colors=[plotting.ESTIMATE], linewidths=2, linestyles="solid")
     axes[1].plot(*before.mean, "+", color=plotting.PREDICTION, ms=10, mew=2)
     axes[2].plot(*(after.mean + ellipse(after.cov)).T, color=plotting.ESTIMATE, lw=2)
-    axes[0].plot([], [], color=plotting.ESTIMATE, lw=2, label="the EKF's 95 %: the range made straight at the mean (+)")
-    axes[0].plot([], [], color=plotting.WALL, lw=1, ls="--", label="exact: 68 % and 95 %")
+    axes[0].plot([], [], color=plotting.ESTIMATE, lw=2, label="EKF (outer line): the range made straight at +")
+    axes[0].plot([], [], color=plotting.WALL, lw=1, ls="--", label="exact: levels of the 68 % and 95 % ellipse")
     fig.legend(*axes[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
     axes[0].set_ylabel("y [m]")
     return fig
@@ -148,8 +148,8 @@ def strips(filters: dict[str, Tracks], dt: float) -> Figure:
 
 def seen(picture: Any, z: Array, pose: Array, drives: Drives, tracks: Tracks) -> Figure:
     """The camera's picture, and the drive that it is from."""
-    fig = plotting.figure(8.2, 3.3)
-    left, right = plotting.axes(fig, 1, 2, width_ratios=[1.25, 1])
+    fig = plotting.figure(8.2, 2.6)
+    left, right = plotting.axes(fig, 1, 2, width_ratios=[1.1, 1])
     left.imshow(picture[..., ::-1])
     left.set_axis_off()
     found = [f"{c.colour} {r:.2f} m" for c, (r, _) in zip(ROOM.cylinders, z, strict=True) if np.isfinite(r)]
@@ -157,9 +157,10 @@ def seen(picture: Any, z: Array, pose: Array, drives: Drives, tracks: Tracks) ->
     plotting.draw_arena(right, ROOM)
     right.plot(*drives.truth[0, :, :2].T, color=plotting.TRUTH, lw=1.2, label="truth")
     right.plot(*tracks.mean[0, :, :2].T, color=plotting.ESTIMATE, lw=1.2, label="estimate")
+    right.plot(*drives.truth[0, 0, :2], "o", color=plotting.TRUTH, mfc="white", ms=6, label="start")
     plotting.draw_robot(right, pose, colour=plotting.HIGHLIGHT, size=0.4)
     right.set_title(f"RMS error {100 * np.sqrt(np.mean(tracks.error(drives) ** 2)):.1f} cm")
-    right.legend(loc="upper center", bbox_to_anchor=(0.5, -0.22), ncols=2)
+    right.legend(loc="center left", bbox_to_anchor=(1.0, 0.5))
     return fig
 
 
@@ -180,14 +181,14 @@ class Strips:
         self.titles = [ax.set_title(" ") for ax in axes]
         self.moving: list[Artist] = [self.nees, self.nis, *self.titles]
 
-    def show(self, t: Any, scores: Any, surprises: Any) -> None:
-        """The averages at each time; NaN where nothing was measured."""
+    def show(self, t: Any, scores: Any, surprises: Any, nis: float) -> None:
+        """The averages at each time, NaN where nothing was measured; nis, the average over all measurements."""
         self.nees.set_data(t, np.clip(scores, 0.12, 85))
         self.nis.set_data(t[: len(surprises)], np.clip(surprises, 0.12, 85))
         low, high = self.bands[0]
         inside = np.mean((scores > low) & (scores < high))
         self.titles[0].set_text(f"NEES {np.mean(scores):.1f}; {100 * inside:.0f} % of steps inside")
-        self.titles[1].set_text(f"NIS {np.nanmean(surprises):.1f}" if np.isfinite(surprises).any() else "NIS: none yet")
+        self.titles[1].set_text(f"NIS {nis:.1f}" if np.isfinite(nis) else "NIS: none yet")
 
 
 def average_nis(nis: Array) -> Array:

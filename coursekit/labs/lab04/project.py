@@ -23,7 +23,7 @@ from coursekit.geometry import Array, wrap_angle
 from coursekit.models import DifferentialDrive, RangeBearing, pose_residual
 from coursekit.teaching import plotting
 from coursekit.teaching.criteria import clean, honest, small
-from coursekit.teaching.projects import Criterion, Project
+from coursekit.teaching.projects import Criterion, Judgement, Outcome, Project
 from coursekit.world.arena import Arena
 from coursekit.world.pilot import drive
 from coursekit.world.robot import World
@@ -91,7 +91,42 @@ def run(design: Any, scenario: Scenario, watch: Any) -> dict[str, Array]:
     errors = pose_residual(truth, np.array(means))
     scores = np.sum(errors * np.linalg.solve(np.array(covs), errors[..., None])[..., 0], axis=-1)
     rms = np.sqrt(np.mean(np.sum(errors[:, :2] ** 2, axis=1)))
-    return {"truth": truth, "means": np.array(means), "covs": np.array(covs), "nees": scores, "rms": rms}
+    leaps = _leaps(np.array(means), scenario.seen)
+    return {
+        "truth": truth,
+        "means": np.array(means),
+        "covs": np.array(covs),
+        "nees": scores,
+        "rms": rms,
+        "leaps": leaps,
+    }
+
+
+def _leaps(means: Array, seen: list[list[tuple[Array, Array, Array]]]) -> Array:
+    """The steps, counted from 1, in which the belief leapt although a bare minus of two bearings was beyond ±π.
+
+    A step drives 3 cm and turns by 0.1 rad at most, and a sound filter's correction is small: half a metre or half a
+    radian is a leap.
+    """
+    found = []
+    for k in range(1, len(means)):
+        x, moved = means[k - 1], pose_residual(means[k], means[k - 1])
+        if np.hypot(*moved[:2]) > 0.5 or abs(moved[2]) > 0.5:
+            bare = [z[1] - (np.arctan2(*(landmark - x[:2])[::-1]) - x[2]) for landmark, z, _ in seen[k]]
+            found += [k + 1] * any(abs(b) > np.pi for b in bare)
+    return np.array(found, dtype=float)
+
+
+def _honest_and_wrapped(mine: list[Outcome], theirs: list[Outcome]) -> Judgement:
+    """``honest``, and what a belief that leaps at ±π is told besides; the points are the same."""
+    share, said = honest("nees", 3)(mine, theirs)
+    leaps = [o.values["leaps"][0] for o in mine if o.values["leaps"].size]
+    if share < 1 and leaps:
+        said += (
+            f". In {len(leaps)} of {len(mine)} runs, first at step {min(leaps):.0f}, your estimate leapt when a "
+            "measured and an expected bearing lay on either side of ±π: is their difference wrapped?"
+        )
+    return share, said
 
 
 class Reference:
@@ -150,7 +185,7 @@ PROJECT = Project(
     reference=Reference,
     criteria=(
         Criterion("position error, RMS", 40, small("rms", full=0.07, none=0.3, unit="m")),
-        Criterion("honesty: NEES in its band", 50, honest("nees", 3)),
+        Criterion("honesty: NEES in its band", 50, _honest_and_wrapped),
         Criterion("behaviour: arguments left alone", 10, clean),
     ),
     draw=draw,

@@ -293,6 +293,7 @@ ANSWERS = {
             ),
             "outside": (lambda v, dof: 1 - reference_share(v, dof), "outside the band"),
             "count": (lambda v, dof: round(v.shape[1] * reference_share(v, dof)), "how many steps"),
+            "per cent": (lambda v, dof: 100 * reference_share(v, dof), "in per cent"),
         },
         both={
             "one side, band of one run": (

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from coursekit.geometry import wrap_angle
-from coursekit.labs.lab04.project import PROJECT, SLIP, Reference
+from coursekit.labs.lab04.project import PROJECT, SLIP, Reference, _leaps
 from coursekit.models import DifferentialDrive, RangeBearing
 from tests import notebooks
 from tests.labs.judge import Judge
@@ -108,7 +108,7 @@ def test_a_sound_filter_gets_full_marks_however_it_is_written(design):
 @pytest.mark.parametrize(
     ("design", "at_most", "finding"),
     [
-        (Unwrapped, 60, "too sure of itself"),
+        (Unwrapped, 60, "lay on either side of ±π: is their difference wrapped?"),
         (NoProcessNoise, 60, "too sure of itself"),
         (Transposed, 75, "too sure of itself"),
         (NeverCorrects, 65, "m (the package"),
@@ -125,6 +125,21 @@ def test_a_broken_filter_gets_the_mark_and_the_finding_that_it_deserves(design, 
     score = judged(design)
     assert score.mark <= at_most
     assert finding in repr(score)
+
+
+@pytest.mark.parametrize("design", [NoProcessNoise, Transposed, KeepsItsCovariance])
+def test_only_a_belief_that_leaps_is_told_about_wrapping(design):
+    score = judged(design)
+    assert score.mark < 100 and "±π" not in repr(score)
+
+
+def test_a_tenth_of_a_turn_across_the_seam_is_no_leap():
+    """Both bearings stand on either side of ±π, and the belief stays where it should; then it does not."""
+    seen = [[], [(np.array([-3.0, 0.1]), np.array([3.0, -3.1]), np.eye(2))]]
+    assert _leaps(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.1]]), seen).size == 0
+    assert _leaps(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.9]]), seen).tolist() == [2.0]
+    seen[1][0][1][1] = 3.1
+    assert _leaps(np.array([[0.0, 0.0, 0.0], [0.0, 0.0, 0.9]]), seen).size == 0
 
 
 def the_labs_own():
