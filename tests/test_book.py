@@ -191,13 +191,13 @@ def test_a_lab_is_run_once_with_static_sliders_and_kept(house, monkeypatch):
 
 
 @pytest.mark.slow  # it scores a project twice
-def test_a_lab_that_is_run_twice_is_the_same_to_the_last_byte(house):
+def test_a_lab_that_is_run_twice_is_the_same_to_the_last_byte(tmp_path):
     lab = notebook(
         code("from coursekit.teaching import exercises\nfrom tqdm.auto import tqdm"),
         code("for _ in tqdm(range(3)): pass"),
         code("from coursekit.labs.lab00.project import PROJECT\nexercises.score('lab00', PROJECT.reference, runs=1)"),
     )
-    first, second = (nbformat.writes(execute.run(lab, house / "01_lab.ipynb")) for _ in range(2))
+    first, second = (nbformat.writes(execute.run(lab, tmp_path / "01_lab.ipynb")) for _ in range(2))
     assert first == second and "100 of 100" in first
 
 
