@@ -11,6 +11,7 @@ from collections.abc import Callable
 import numpy as np
 
 from coursekit.gaussian import chi2_band
+from coursekit.geometry import Array
 from coursekit.teaching.projects import Judgement, Outcome
 
 Judge = Callable[[list[Outcome], list[Outcome]], Judgement]
@@ -27,32 +28,52 @@ def small(key: str, *, full: float, none: float, unit: str = "", average: Callab
     return judge
 
 
-def honest(key: str, dof: int, *, full: float = 0.85, none: float = 0.4, what: str = "NEES") -> Judge:
+def honest(
+    key: str,
+    dof: int,
+    *,
+    full: float = 0.85,
+    none: float = 0.4,
+    what: str = "NEES",
+    when: Callable[[int], str] = lambda k: f"step {k + 1}",
+) -> Judge:
     """The share of steps at which the NEES, averaged over the runs, lies in its two-sided 95 % band.
 
     Errors of neighbouring steps are alike, so an honest filter's share scatters around 95 %: ``full`` leaves room.
+
+    when : names the k-th of the judged steps, from 0 on.
     """
 
     def judge(mine: list[Outcome], theirs: list[Outcome]) -> Judgement:
         low, high = chi2_band(dof, runs=len(mine))
-        averages = np.mean([o.values[key] for o in mine], axis=0)
+        averages, package = (np.mean([o.values[key] for o in runs], axis=0) for runs in (mine, theirs))
         inside = (averages > low) & (averages < high)
         share = float(np.clip((inside.mean() - none) / (full - none), 0.0, 1.0))
         said = (
-            f"{100 * inside.mean():.0f} % of the steps in the band {low:.2f} to {high:.2f}; "
-            f"the {what} averages {averages.mean():.3g}, {dof} is right"
+            f"{100 * inside.mean():.0f} % of the steps in the band {low:.2f} to {high:.2f} "
+            f"(the package: {100 * np.mean((package > low) & (package < high)):.0f} %); "
+            f"the {what} averages {averages.mean():.3g} (the package: {package.mean():.3g}), {dof} is right"
         )
-        if inside.mean() < full:
-            # the first step after which the average stays out for a tenth of the run
-            width = max(len(inside) // 10, 1)
-            out = np.convolve(~inside, np.ones(width), mode="valid") == width
-            if out.any():
-                step = int(np.argmax(out))
-                side = "above: too sure of itself" if averages[step] > high else "below: too modest"
-                said += f". From step {step + 1} on it lies {side}"
-        return share, said
+        return share, said if inside.mean() >= full else f"{said}. {_outside(averages, low, high, when)}"
 
     return judge
+
+
+def _outside(averages: Array, low: float, high: float, when: Callable[[int], str]) -> str:
+    """On which side of the band more steps lie, how many on each side, and where the first long stretch begins."""
+    above, below = averages >= high, averages <= low
+    counts = f"{above.sum()} steps above, {below.sum()} below"
+    if above.sum() == below.sum():
+        return counts
+    side, out, verdict = (
+        ("above", above, "too sure of itself") if above.sum() > below.sum() else ("below", below, "too modest")
+    )
+    width = max(len(out) // 10, 1)  # a single step of many may be chance
+    stretch = np.convolve(out, np.ones(width), mode="valid") == width
+    if not stretch.any():
+        return f"{counts}: {verdict}"
+    long = f", {width} in a row," if width > 1 else ""
+    return f"First {side}{long} at {when(int(np.argmax(stretch)))}; {counts}: {verdict}"
 
 
 def clean(mine: list[Outcome], theirs: list[Outcome]) -> Judgement:

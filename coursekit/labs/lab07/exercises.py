@@ -85,17 +85,17 @@ def _systematic(answer: Any, weights: Any, u: float) -> None:
             "Your cumulative weights do not end at one: the weights need not sum to one.": np.searchsorted(
                 np.cumsum(weights), positions
             ),
-            "u moves each position within its own 1/n; you moved all of them by the whole of u.": np.searchsorted(
+            "u moves each position within its own 1/N; you moved all of them by the whole of u.": np.searchsorted(
                 cumulative, np.minimum(np.arange(n) / n + u, 1.0)
             ),
             "Those are the numbers of copies; asked for are the indices, one for each position.": copies,
             "Counting from one: the first particle is number 0.": expected + 1,
-            "Your positions are k/n: where is u?": np.searchsorted(cumulative, np.arange(n) / n),
+            "Your positions are j/N: where is u?": np.searchsorted(cumulative, np.arange(n) / n),
             "Each position chose the interval before its own: interval i ends at the sum of weights 0 to i.": (
                 np.maximum(expected - 1, 0)
             ),
         },
-        otherwise="Draw [0, 1] with the weights laid end to end, the n positions (k + u)/n above it, and read "
+        otherwise="Draw [0, 1] with the weights laid end to end, the N positions (j + u)/N above it, and read "
         "off the interval under each.",
         tolerance=1e-9,
     )
@@ -149,13 +149,13 @@ def sigma_for_steps(answer: Any, rng: np.random.Generator) -> None:
         sigma * np.sqrt(steps),
         misconceptions={
             "The same σ in each step: independent errors cancel in part, and the heading's spread shrinks.": sigma,
-            "Upside down: with σ/√k the spread falls twice over.": sigma / np.sqrt(steps),
+            "Upside down: with σ/√steps the spread falls twice over.": sigma / np.sqrt(steps),
             "Dividing makes the noise weaker still; in a shorter step it has to be stronger.": sigma / steps,
             "That would be right for errors that add up without ever cancelling.": sigma * steps,
-            "That is σ²k, a variance: take its root.": sigma**2 * steps,
+            "That is σ²·steps, a variance: take its root.": sigma**2 * steps,
         },
-        otherwise="The heading after T is the sum of k independent terms ω_i·T/k: what is its variance, and what was "
-        "it in one step?",
+        otherwise="The heading after T is the sum of `steps` independent terms ω_i·T/steps: what is its variance, and "
+        "what was it in one step?",
     )
 
 

@@ -11,7 +11,7 @@ from tests.labs.judge import Judge
 class Plain:
     """A filter as a student writes it: plain arrays, logs, a search for each position."""
 
-    n, later, scale = 10_000, 3000, 1.0
+    n, later, scale = 60_000, 10_000, 1.0
 
     def __init__(self, low, high, rng):
         self.rng = rng
@@ -69,6 +69,58 @@ class NoNoise(Plain):
 class OneErrorForAll(Plain):
     def errors(self, control_cov):
         return np.linalg.cholesky(control_cov) @ self.rng.standard_normal(2) + np.zeros((len(self.x), 2))
+
+
+class FewAtTheStart(Plain):
+    n, later = 1000, 1000
+
+
+class PlainMean(Plain):
+    """Headings averaged as numbers; the differences wrapped."""
+
+    def summarise(self, w):
+        self.mean = w @ self.x
+        e = self.x - self.mean
+        e[:, 2] = wrap_angle(e[:, 2])
+        self.cov = (w * e.T) @ e
+
+
+class PlainMeanAndCov(Plain):
+    """Neither is wrapped."""
+
+    def summarise(self, w):
+        self.mean = w @ self.x
+        e = self.x - self.mean
+        self.cov = (w * e.T) @ e
+
+
+class PlainCov(Plain):
+    """The mean as a direction; the differences of headings as numbers."""
+
+    def summarise(self, w):
+        super().summarise(w)
+        e = self.x - self.mean
+        self.cov = (w * e.T) @ e
+
+
+class Wrapped:
+    """Headings kept in (-π, π], as many do."""
+
+    def predict(self, control, control_cov, dt):
+        super().predict(control, control_cov, dt)
+        self.x[:, 2] = wrap_angle(self.x[:, 2])
+
+
+class PlainMeanOfWrapped(Wrapped, PlainMean):
+    pass
+
+
+class PlainMeanAndCovOfWrapped(Wrapped, PlainMeanAndCov):
+    pass
+
+
+class PlainCovOfWrapped(Wrapped, PlainCov):
+    pass
 
 
 class NeverResamples(Plain):
@@ -147,6 +199,12 @@ def test_a_sound_filter_gets_full_marks_however_it_is_written(design):
         (TooFew, 60, "too sure of itself"),
         (NoNoise, 60, "too sure of itself"),
         (OneErrorForAll, 60, "too sure of itself"),
+        (PlainMean, 85, "you claim"),
+        (PlainMeanAndCov, 85, "you claim"),
+        (PlainCov, 92, "you claim"),
+        (PlainMeanOfWrapped, 85, "you claim"),
+        (PlainMeanAndCovOfWrapped, 85, "you claim"),
+        (PlainCovOfWrapped, 92, "you claim"),
         (NeverResamples, 60, "too sure of itself"),
         (ForgetsTheHalf, 75, "too sure of itself"),
         (ForgetsTheWeights, 60, "found in 0 % of the runs"),
