@@ -255,7 +255,7 @@ def test_only_handles_are_orange_where_a_scan_is_dragged(show):
 
 def test_the_wheels_begin_with_the_point_they_turn_about_in_sight(show):
     page = show("arc")
-    frame, dot = page.locator("svg").bounding_box(), page.locator(".touch-dot.highlight").bounding_box()
+    frame, dot = page.locator("svg").bounding_box(), page.locator(".touch-dot.truth").bounding_box()
     for at, size in (("x", "width"), ("y", "height")):
         assert frame[at] < dot[at] and dot[at] + dot[size] < frame[at] + frame[size]
 
@@ -304,7 +304,7 @@ def phone(page, show):
         show(scene)
         page.evaluate("""() => {
           document.head.insertAdjacentHTML("beforeend", "<meta name=viewport content='width=device-width'>");
-          document.body.style.padding = "900px 0 1200px";
+          document.body.style.padding = "900px 21px 1200px"; // with these margins a figure is as wide as in the book
           document.querySelector("svg").scrollIntoView({ block: "center" });
         }""")
 

@@ -2,7 +2,7 @@
 (root, r) => {
   const track = 0.6, T = 4, k = r.kit(root, [-1.6, 4.8, -2, 2]);
   k.line("odometry thin dashed")([[-1.6, 0], [4.8, 0]]);
-  const path = k.line("truth"), turnedAbout = k.dot("highlight", 4), radius = k.line("highlight thin dashed"), body = k.robot("truth");
+  const path = k.line("truth"), turnedAbout = k.dot("truth", 4), radius = k.line("truth thin dashed"), body = k.robot("truth");
   const arrows = [k.line("estimate"), k.line("measurement")], names = [k.text("estimate"), k.text("measurement")], ghost = k.robot("odometry");
   const speed = (p) => p[0] * 0.5, wheel = [track / 2, -track / 2];
   const draw = () => {

@@ -10,7 +10,7 @@
   const draw = () => {
     const P = covariance(), expected = r.see(mean, landmark), z = r.see(mean, seen.at);
     const [x, Q, nis] = r.correct(mean, P, landmark, z, R), open = nis <= limit, [m, C] = open ? [x, Q] : [mean, P];
-    label([wide.at[0] + 0.14, wide.at[1] - 0.05], `belief σ ${Math.sqrt(P[0][0]).toFixed(2)} m`);
+    label([wide.at[0] + 0.24, wide.at[1] - 0.05], `belief σ ${Math.sqrt(P[0][0]).toFixed(2)} m`);
     gate(r.ellipse(r.innovation(mean, P, landmark, R), limit).map(([a, b]) => place([expected[0] + a, expected[1] + b])));
     before(rim(mean, P)); after(open ? rim(m, C) : []);
     robots[0](mean, 0.4); robots[1](open ? m : [-99, -99, 0], 0.4); ray([open ? m : mean, seen.at]);

@@ -1,6 +1,6 @@
 // Lab 7: systematic resampling.  Drag a bar's top to change a weight, drag the comb; count the copies.
 (root, r) => {
-  const n = 6, k = r.kit(root, [-0.4, 6.4, -1.1, 2.3]), colours = ["estimate", "measurement", "band", "prediction", "highlight", "odometry"];
+  const n = 6, k = r.kit(root, [-0.4, 6.4, -1.1, 2.3]), colours = ["estimate", "measurement", "band", "prediction", "truth", "odometry"];
   const bars = colours.map((c) => k.line(`${c} filled`, true)), strips = colours.map((c) => k.line(`${c} filled`, true)), comb = colours.map(() => k.line("truth")), counts = colours.map(() => k.text("middle"));
   k.line("odometry thin")([[-0.2, 0], [6.2, 0]]);
   const draw = () => {

@@ -140,3 +140,15 @@ def test_the_drawing_of_the_arc_has_every_symbol_of_its_derivation():
         r"$\frac{1}{2}\Delta\theta$",
     ):
         assert symbol in said
+
+
+@pytest.mark.parametrize(("turn", "shape"), [(0.0, "a banana"), (0.6, "ellipse")])
+def test_the_text_may_read_the_shape_that_the_picture_has(endings, turn, shape):
+    place = {"time": 20, "slip": 8, "turn": turn}
+    told = endings.facts(**place)["shape"]
+    assert shape in told and f"has the shape of {told}." in endings.words(**place)
+
+
+@pytest.fixture(scope="module")
+def endings():
+    return explorers.Endings()
