@@ -108,7 +108,7 @@ def show(page, tmp_path):
 
 
 def test_a_drawing_keeps_its_colours_beside_the_book_s_coloured_code_and_its_words_their_size_on_a_phone(show):
-    page = show("pairs")
+    page = show(guess_point("Where?", [1, 0], extent=(-6, 6, -4, 4), scenery=[("highlight thin", [[0, 0], [5, 0]])]))
     page.add_style_tag(content="html[data-theme=light] .highlight { color: #545454 }")
     page.evaluate("document.documentElement.dataset.theme = 'light'")
     assert page.evaluate("getComputedStyle(document.querySelector('.touch .highlight')).stroke") == "rgb(230, 159, 0)"
