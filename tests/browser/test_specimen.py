@@ -207,6 +207,23 @@ SWIPE = """(picture, by) => {
 }"""
 
 
+def test_the_tab_key_goes_through_an_explorer_as_the_eye_does(two):
+    explorer = two.locator(".explorer").first
+    places = explorer.locator("button, input[type=range], input:checked").evaluate_all(
+        "(all) => all.filter((e) => e.checkVisibility()).map((e) => { const b = e.getBoundingClientRect();"
+        " return [e.className || e.name, b.left, b.top + b.height / 2]; })"
+    )
+    names = [name for name, *_ in places]
+    assert names[:2] == ["explorer-play", "time"] and names[-1].startswith("explorer-")
+    play, time = places[:2]
+    assert play[1] < time[1] and abs(play[2] - time[2]) < 5  # Play stands to the left of its slider
+    below = max(y for name, _, y in places if not name.startswith("explorer-"))
+    assert all(y > below for name, _, y in places if name in ("explorer-surprise", "explorer-enlarge"))
+    two.locator(".explorer-play").first.focus()
+    two.keyboard.press("Tab")
+    assert two.evaluate("document.activeElement.name") == "time"
+
+
 def test_a_swipe_turns_the_control_that_was_used_last(two):
     key(two, control(two, "height").locator("input"), "Home")
     picture = two.locator(".explorer-picture").first

@@ -161,19 +161,23 @@ class Endings:
         self.titles[1].set_text(rf"From near: $D\sigma_\theta/b$ = {bend:.2g}")
 
     def facts(self, time: float, slip: float, turn: float) -> dict[str, str]:
-        """What the text may quote: the share inside, and turn noise × distance in track widths."""
+        """What the text may quote: the share inside, turn noise × distance in track widths, and the cloud's shape."""
         *_, share, bend = self.frames[time, slip, turn]
-        return {"share": f"{100 * share:.0f} %", "bend": f"{bend:.2g}"}
+        return {"share": f"{100 * share:.0f} %", "bend": f"{bend:.2g}", "shape": _shape(share)}
 
     def words(self, time: float, slip: float, turn: float) -> str:
         """The text alternative of a frame."""
         *_, share, bend = self.frames[time, slip, turn]
-        shape = "an ellipse" if share > 0.94 else "a slightly bent ellipse" if share > 0.9 else "a banana"
         return (
             f"{100 * share:.1f} % of the endings lie inside the predicted 95 % ellipse; "
-            f"the cloud has the shape of {shape}. "
+            f"the cloud has the shape of {_shape(share)}. "
             f"Turn noise times distance is {bend:.2g} track widths"
         )
+
+
+def _shape(share: float) -> str:
+    """A cloud's shape in words, by the share of it that its 95 % ellipse holds."""
+    return "an ellipse" if share > 0.94 else "a slightly bent ellipse" if share > 0.9 else "a banana"
 
 
 def _arc(turn: float, time: float) -> Array:
@@ -245,8 +249,8 @@ class DriveYourself:
 
     def _repr_mimebundle_(self, **kwargs: Any) -> Any:
         if os.environ.get("COURSEKIT_STATIC"):
-            words = "In JupyterLab a robot waits here for you to drive it. On this page, watch a recorded drive below."
-            return {"text/markdown": f"*{words}*", "text/plain": words}
+            words = "Recorded drive: press play", "In JupyterLab a robot waits here for you to drive it."
+            return {"text/markdown": f"**{words[0]}.** {words[1]}", "text/plain": ". ".join(words)}
         return self.widget()._repr_mimebundle_(**kwargs)
 
 

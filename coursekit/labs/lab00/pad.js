@@ -58,7 +58,7 @@ export default {
       event.stopPropagation(); // JupyterLab has meanings of its own for letters and arrows
       press(what);
     });
-    says.textContent = "Click the picture, then drive with the arrow keys or W A S D; the space bar stops.";
+    says.textContent = "Click the picture, then drive with the arrow keys or W A S D; the space bar stops. Drive into a wall, and keep going.";
     ask({});
     return () => clearInterval(timer);
   },

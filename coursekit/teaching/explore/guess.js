@@ -7,13 +7,16 @@
     set: (value) => { try { localStorage.setItem(key, JSON.stringify(value)); } catch { /* it lasts until reload */ } },
     clear: () => { try { localStorage.removeItem(key); } catch { /* nothing was kept */ } },
   };
-  const say = (x) => `${Number(x.toPrecision(3))}`.replace("-", "−") + (unit ? ` ${unit}` : "");
+  const plain = (x) => `${x}`.replace("-", "−") + (unit ? ` ${unit}` : "");
+  // The guess stands as it was typed; the truth gets as many decimals as it takes to see two digits of the difference.
   const judge = ({ guess, spread }) => {
-    const off = Math.abs(guess - truth), ratio = off / spread, whose = sigma ? "" : "your ";
-    const nees = ratio * ratio, figures = `${ratio.toFixed(1)} ${whose}σ, a NEES of ${nees.toFixed(nees < 10 ? 1 : 0)}`;
-    const word = ratio > 2.24 ? "surer than you had reason to be" : ratio < 0.03 ? "almost too good" : "an honest guess";
-    return `You said ${say(guess)} ± ${say(spread)}. The truth is ${say(truth)}: ${say(off)} off, ${figures}. ` +
-      `On average an honest guess has 1, and 95 in 100 stay below 5.0: ${word}.`;
+    const off = Math.abs(guess - truth), ratio = off / spread, whose = sigma ? "" : "your ", nees = ratio * ratio;
+    const typed = (`${guess}`.split(".")[1] ?? "").length, digits = Math.min(Math.max(typed, off > 0 ? 1 - Math.floor(Math.log10(off)) : 3), 6);
+    const shown = Number(truth.toFixed(digits)), apart = Number(Math.abs(guess - shown).toFixed(digits));
+    const word = nees > 3.841 ? "surer than you had reason to be" : nees > 0.004 ? "an honest guess"
+      : sigma ? "nearer than this σ leads one to expect" : "far less sure than you could be, for your σ is far wider than your error";
+    return `You said ${plain(guess)} ± ${plain(spread)}. The truth is ${plain(shown)}: ${plain(apart)} off, ${ratio.toFixed(1)} ${whose}σ, ` +
+      `a NEES of ${nees < 10 ? nees.toFixed(2) : nees.toFixed(0)}. On average an honest guess has 1, and 95 in 100 stay below 3.84: ${word}.`;
   };
   const show = () => {
     const kept = memory.get() ?? locked;

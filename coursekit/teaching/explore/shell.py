@@ -38,10 +38,10 @@ def shell(
         f'<div class="explorer-picture"><img src="{address}" alt="{html.escape(words, quote=True)}"'
         f' width="{size[0]}" height="{size[1]}" decoding="sync"></div>'
         '<p class="explorer-problem" role="alert"></p><form class="explorer-controls" autocomplete="on" hidden>'
-        '<div class="explorer-tools"><button type="button" class="explorer-surprise" hidden>Surprise me</button>'
-        '<button type="button" class="explorer-enlarge" hidden>Enlarge the picture</button></div>'
         + "".join(_control(key, slider) for key, slider in sliders.items())
-        + '</form><p class="explorer-words" aria-live="polite"></p>'
+        + '<div class="explorer-tools"><button type="button" class="explorer-surprise" hidden>Surprise me</button>'
+        '<button type="button" class="explorer-enlarge" hidden>Enlarge the picture</button></div></form>'
+        '<p class="explorer-words" aria-live="polite"></p>'
         f"<noscript><p>This picture is one of {_count(sliders)}; to see the others, allow scripts.</p></noscript></div>"
         f'<script type="application/json" class="explorer-data">{payload}</script>'
     )
@@ -66,7 +66,7 @@ def _control(name: str, slider: Slider) -> str:
         return f'<fieldset class="explorer-control" data-name="{name}"><legend>{label}</legend>{buttons}</fieldset>'
     play = f'<button type="button" class="explorer-play" data-label="{label}"></button>' if slider.play else ""
     return (
-        f'<div class="explorer-control" data-name="{name}"><label><span class="explorer-name">{label}</span>'
+        f'<div class="explorer-control" data-name="{name}">{play}<label><span class="explorer-name">{label}</span>'
         f'<input type="range" name="{name}" min="0" max="{len(slider.values) - 1}" step="1" value="{first}"'
-        f' aria-valuetext="{text}"></label><output>{text}</output>{play}</div>'
+        f' aria-valuetext="{text}"></label><output>{text}</output></div>'
     )

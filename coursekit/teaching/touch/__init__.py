@@ -29,7 +29,10 @@ SCENES = {
     "resampling": "Systematic resampling",
     "cloud": "A small cloud and one beacon",
 }
-HINT = "Drag an orange handle, or move to it with Tab and use the arrow keys (with Shift: ten times as far)."
+HINT = (
+    "Drag an orange handle, or move to it with Tab and use the arrow keys (with Shift: ten times as far; Home and End: "
+    "as far as it goes)."
+)
 
 
 @dataclass(frozen=True)
@@ -79,7 +82,7 @@ class Region:
     extent: tuple[float, float, float, float]
     truth: np.ndarray
     ellipse: bool
-    scenery: Sequence[tuple[str, ArrayLike]] = ()
+    scenery: Sequence[tuple[str, ArrayLike] | tuple[str, ArrayLike, str]] = ()
     unit: str = "m"
     why: str = ""
 
@@ -93,7 +96,10 @@ class Region:
         object.__setattr__(self, "truth", truth)
 
     def _repr_html_(self) -> str:
-        scenery = [{"kind": kind, "points": np.asarray(points, dtype=float).tolist()} for kind, points in self.scenery]
+        scenery = [
+            {"kind": kind, "points": np.asarray(points, dtype=float).tolist(), "text": " ".join(text)}
+            for kind, points, *text in self.scenery
+        ]
         key = "region-" + hashlib.sha256(self.question.encode()).hexdigest()[:12]
         data = {"key": key, "extent": self.extent, "scenery": scenery, "cloud": self.truth.round(4).tolist()}
         before = f"<p><strong>Guess first.</strong> {html.escape(self.question)}</p>"
@@ -113,7 +119,8 @@ def guess_point(question: str, truth: ArrayLike, *, extent: tuple[float, float, 
     question : plain text.
     truth : [x, y], in the drawing's own units.
     extent : what the drawing shows, (left, right, bottom, top).
-    scenery : (kind, points (n, 2)) pairs, drawn as lines; a kind is a colour of the course, as in "truth thin dashed".
+    scenery : (kind, points (n, 2)), drawn as lines; a kind is a colour of the course, as in "truth thin dashed".
+        A third entry is a text at the first point. For the kind "robot truth" the points are poses (n, 3).
     unit : of the drawing, "m" by default.     why : a sentence that is shown with the truth.
 
     The guess stays in the reader's own browser.  Raises ValueError for points that are not finite, for an empty extent.
@@ -125,7 +132,8 @@ def guess_point(question: str, truth: ArrayLike, *, extent: tuple[float, float, 
 
 
 def guess_ellipse(question: str, truth: ArrayLike, *, extent: tuple[float, float, float, float], **more: Any) -> Region:
-    """Ask for an ellipse that should hold 95 % of the points ``truth`` (n, 2); scored by their share and their NEES.
+    """Ask for an ellipse that should hold 95 % of the points ``truth`` (n, 2); scored by their share and by the mean of
+    their squared distances in σ, 2 for the right ellipse.
 
     Arguments as ``guess_point``.
 

@@ -2,7 +2,7 @@
 (root, r) => {
   const track = 0.6, T = 4, k = r.kit(root, [-1.6, 4.8, -2, 2]);
   k.line("odometry thin dashed")([[-1.6, 0], [4.8, 0]]);
-  const path = k.line("truth"), turnedAbout = k.dot("highlight", 4), radius = k.line("highlight thin dashed"), body = k.robot("truth");
+  const path = k.line("truth"), turnedAbout = k.dot("truth", 4), radius = k.line("truth thin dashed"), body = k.robot("truth");
   const arrows = [k.line("estimate"), k.line("measurement")], names = [k.text("estimate"), k.text("measurement")], ghost = k.robot("odometry");
   const speed = (p) => p[0] * 0.5, wheel = [track / 2, -track / 2];
   const draw = () => {
@@ -17,7 +17,7 @@
     k.say(`v = ${u[0].toFixed(2)} m/s, ω = ${u[1].toFixed(2)} rad/s. ` + (near ? `The robot turns about a point ${Math.abs(bend).toFixed(2)} m to its ${bend > 0 ? "left" : "right"}` : "The robot drives straight") + `; after ${T} s it stands at x = ${end[0].toFixed(2)} m, y = ${end[1].toFixed(2)} m, θ = ${end[2].toFixed(2)} rad.`);
   };
   const grips = [];
-  const grip = (i, name, start) => k.handle(`Speed of the ${name} wheel`, [start, wheel[i]], { step: 0.04, place: ([x]) => [k.clip(x, -1.2, 1.6), wheel[i]], told: (p) => `${speed(p).toFixed(2)} metres a second`, changed: draw });
-  grips.push(grip(0, "left", 0.9)); grips.push(grip(1, "right", 1.2));
+  const grip = (i, name, start) => k.handle(`Speed of the ${name} wheel`, [start, wheel[i]], { step: 0.04, along: "x", place: ([x]) => [k.clip(x, -1.2, 1.6), wheel[i]], told: (p) => `${speed(p).toFixed(2)} metres a second`, changed: draw });
+  grips.push(grip(0, "left", 0.7)); grips.push(grip(1, "right", 1.2));
   draw();
 }

@@ -19,11 +19,11 @@
     const block = [[P[0][0], P[0][1]], [P[1][0], P[1][1]]];
     rim(r.ellipse(block).map(([x, y]) => [mean[0] + x, mean[1] + y]));
     robot(mean, 0.5);
-    names[0]([D + 0.25, -3.8], `${D.toFixed(1)} m`); names[1]([-0.6, wander.at[1] + 0.35], `heading σ ${s.toFixed(2)} rad`);
+    names[0]([D + 0.45, -3.8], `${D.toFixed(1)} m`); names[1]([-0.6, wander.at[1] + 0.35], `heading σ ${s.toFixed(2)} rad`);
     const inside = ends.filter((x) => r.distance2([x[0] - mean[0], x[1] - mean[1]], block) <= 5.991464547107979).length;
     k.say(`After ${D.toFixed(1)} m the headings have spread to ${s.toFixed(2)} rad. The 95 % ellipse holds ${(100 * inside / n).toFixed(0)} % of ${n} endings` + (s > 0.28 ? ": the cloud is bent, and an ellipse cannot bend." : "."));
   };
-  const far = k.handle("Distance driven", [6, -3.5], { step: 0.1, place: ([x]) => [k.clip(x, 1, 9), -3.5], told: ([x]) => `${x.toFixed(1)} metres`, changed: () => draw() });
-  const wander = k.handle("Spread of the heading at the end", [0, 0.8], { step: 0.04, place: ([, y]) => [0, k.clip(y, 0.1, 3.4)], told: (p) => `${spread(p).toFixed(2)} radians`, changed: () => draw() });
+  const far = k.handle("Distance driven", [6, -3.5], { step: 0.1, along: "x", place: ([x]) => [k.clip(x, 1, 9), -3.5], told: ([x]) => `${x.toFixed(1)} metres`, changed: () => draw() });
+  const wander = k.handle("Spread of the heading at the end", [0, 0.8], { step: 0.04, along: "y", place: ([, y]) => [0, k.clip(y, 0.1, 3.4)], told: (p) => `${spread(p).toFixed(2)} radians`, changed: () => draw() });
   draw();
 }

@@ -10,7 +10,7 @@
   const draw = () => {
     const P = covariance(), expected = r.see(mean, landmark), z = r.see(mean, seen.at);
     const [x, Q, nis] = r.correct(mean, P, landmark, z, R), open = nis <= limit, [m, C] = open ? [x, Q] : [mean, P];
-    label([wide.at[0] + 0.14, wide.at[1] - 0.05], `belief σ ${Math.sqrt(P[0][0]).toFixed(2)} m`);
+    label([wide.at[0] + 0.24, wide.at[1] - 0.05], `belief σ ${Math.sqrt(P[0][0]).toFixed(2)} m`);
     gate(r.ellipse(r.innovation(mean, P, landmark, R), limit).map(([a, b]) => place([expected[0] + a, expected[1] + b])));
     before(rim(mean, P)); after(open ? rim(m, C) : []);
     robots[0](mean, 0.4); robots[1](open ? m : [-99, -99, 0], 0.4); ray([open ? m : mean, seen.at]);
@@ -19,6 +19,6 @@
       : "Refused: the belief stays as it was."));
   };
   const seen = k.handle("Where the landmark is seen", [1.7, 0.65], { place: ([x, y]) => [k.clip(x, -0.6, 3), k.clip(y, -1.8, 1.8)], told: (p) => `${p[0].toFixed(2)}, ${p[1].toFixed(2)} metres`, changed: () => draw() });
-  const wide = k.handle("Spread of the belief", [mean[0] + 0.32, mean[1] - 0.9], { step: 0.02, place: ([x]) => [mean[0] + k.clip(x - mean[0], 0.14, 0.55), mean[1] - 0.9], told: ([x]) => `sigma ${(0.1 + x - mean[0] - 0.2).toFixed(2)} metres`, changed: () => draw() });
+  const wide = k.handle("Spread of the belief", [mean[0] + 0.32, mean[1] - 0.9], { step: 0.02, along: "x", place: ([x]) => [mean[0] + k.clip(x - mean[0], 0.14, 0.55), mean[1] - 0.9], told: ([x]) => `sigma ${(0.1 + x - mean[0] - 0.2).toFixed(2)} metres`, changed: () => draw() });
   draw();
 }

@@ -32,40 +32,55 @@
     return ([x, y, t], length = 0.36) => set([[1, 0], [-0.7, 0.6], [-0.4, 0], [-0.7, -0.6]].map(([a, b]) =>
       [x + length * (Math.cos(t) * a - Math.sin(t) * b) / 1.6, y + length * (Math.sin(t) * a + Math.cos(t) * b) / 1.6]));
   };
-  // A handle: drag it, or focus it and use the arrow keys (with Shift: ten times as far).  `place` clips a wish to
-  // what is allowed, `told` says where it is, `changed` redraws.
-  const handle = (label, start, { step = 0.05, place = (p) => p, told, changed }) => {
+  // A handle: drag it, or focus it and use the arrow keys (with Shift, or Page Up and Down: ten times as far; Home and
+  // End: to its limits).  `place` clips a wish to what is allowed, `told` says where it is, `changed` redraws.  `along`
+  // names a handle's only direction: "x", "y", or "turn", round `about()`, where `step` is in radians.
+  const handles = [];
+  const handle = (label, start, { step = 0.05, place = (p) => p, along = "", about = null, told, changed }) => {
     let where = place(start);
+    const angle = () => Math.atan2(where[1] - about()[1], where[0] - about()[0]);
     const grip = make("g", { class: "touch-handle", tabindex: 0, role: "slider", "aria-label": label, "data-lm-suppress-shortcuts": "true" }, above);
     make("circle", { class: "touch-reach", r: 22 }, grip);
     make("circle", { class: "touch-grip", r: 9 }, grip);
+    const way = make("path", { class: "touch-way", d: along ? "M-13,-4L-18,0L-13,4M13,-4L18,0L13,4" : "" }, grip);
     const show = () => {
       const [x, y] = at(where);
       grip.setAttribute("transform", `translate(${x.toFixed(2)},${y.toFixed(2)})`);
       grip.setAttribute("aria-valuetext", told(where));
+      way.setAttribute("transform", `rotate(${along === "y" ? 90 : along === "turn" ? 90 - angle() * 180 / Math.PI : 0})`);
     };
     const move = (wish) => { where = place(wish); show(); changed(); };
     const under = (event) => {
       const box = svg.getBoundingClientRect(), scale = 640 / box.width;
       return [left + (event.clientX - box.left) * scale / px, top - (event.clientY - box.top) * scale / px];
     };
-    grip.addEventListener("pointerdown", (event) => {
+    handles.push({ grip, take: (event) => {
       event.preventDefault(); grip.focus(); grip.setPointerCapture(event.pointerId);
       const from = under(event), off = [where[0] - from[0], where[1] - from[1]];
       const drag = (e) => { const [x, y] = under(e); move([x + off[0], y + off[1]]); };
       grip.addEventListener("pointermove", drag);
       grip.addEventListener("lostpointercapture", () => grip.removeEventListener("pointermove", drag), { once: true });
-    });
+    }, far: (event) => Math.hypot(...at(where).map((v, i) => v - at(under(event))[i])) });
     grip.addEventListener("keydown", (event) => {
-      const by = { ArrowLeft: [-1, 0], ArrowRight: [1, 0], ArrowUp: [0, 1], ArrowDown: [0, -1] }[event.key];
+      if (event.altKey || event.ctrlKey || event.metaKey) return;
+      const sideways = along === "x" ? 0 : 1; // what Page Up and Page Down move
+      const [axis, by] = { ArrowLeft: [0, -1], ArrowRight: [0, 1], ArrowUp: [1, 1], ArrowDown: [1, -1], PageUp: [sideways, 10],
+        PageDown: [sideways, -10], Home: [along === "y" ? 1 : 0, -1e6], End: [along === "y" ? 1 : 0, 1e6] }[event.key] ?? [];
       if (!by) return;
       event.preventDefault();
-      const far = step * (event.shiftKey ? 10 : 1);
-      move([where[0] + far * by[0], where[1] + far * by[1]]);
+      const far = step * by * (event.shiftKey && Math.abs(by) === 1 ? 10 : 1);
+      if (along !== "turn") return move(where.map((v, i) => (i === axis ? v + far : v)));
+      const [x, y] = about(), left = event.key.startsWith("Arrow") && axis === 0 ? -1 : 1; // a turn to the left is positive
+      const t = Math.abs(by) > 10 ? 3.14 * Math.sign(by) : angle() + left * far;
+      move([x + Math.cos(t), y + Math.sin(t)]);
     });
     show();
     return { get at() { return where; }, set at(p) { where = place(p); show(); } };
   };
+  // Where the reaches of two handles meet, the nearer one is taken.
+  above.addEventListener("pointerdown", (event) => {
+    handles.filter(({ grip }) => grip.style.display !== "none").reduce((a, b) => (b.far(event) < a.far(event) ? b : a)).take(event);
+  });
   // The sentence below the figure is spoken when the reader pauses, not at every pixel.
   let pause = null;
   const say = (words) => {

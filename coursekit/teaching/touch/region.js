@@ -6,7 +6,11 @@
     set: (value) => { try { localStorage.setItem(key, JSON.stringify(value)); } catch { /* it lasts until reload */ } },
     clear: () => { try { localStorage.removeItem(key); } catch { /* nothing was kept */ } },
   };
-  scenery.forEach(({ kind, points, text }) => { k.line(kind)(points); if (text) k.text(kind)(points[0], text); });
+  scenery.forEach(({ kind, points, text }) => {
+    if (kind.startsWith("robot ")) return points.forEach((pose) => k.robot(kind.slice(6))(pose, 0.05 * (right - left)));
+    k.line(kind)(points);
+    if (text) k.text(kind)(points[0], text);
+  });
   const dots = cloud.map(() => k.dot("truth", cloud.length > 1 ? 1.6 : 6)), hidden = [left - 99, bottom - 99];
   const outline = k.line("estimate filled", true), arms = [k.line("estimate thin"), k.line("estimate thin")];
   const middle = [(left + right) / 2, (bottom + top) / 2];
@@ -45,8 +49,10 @@
     if (!kept) return k.say(ellipse ? "Draw the ellipse that you expect to hold 95 % of them, then lock it in." : "Put the handle where you expect it, then lock it in.");
     if (!ellipse) return k.say(`Your guess is ${Math.hypot(cloud[0][0] - centre.at[0], cloud[0][1] - centre.at[1]).toFixed(2)} ${unit} off.`);
     const d = cloud.map(squared), share = d.filter((v) => v < 5.991464547107979).length / d.length, mean = d.reduce((a, b) => a + b, 0) / d.length;
-    k.say(`Your ellipse holds ${(100 * share).toFixed(0)} % of them; 95 % is right. Their NEES under your ellipse averages ${mean.toPrecision(2)}; 2 is right: ` +
-      (mean > 3 ? "you were too sure." : mean < 1.3 ? "you were too modest." : "an honest ellipse."));
+    const own = squared([0, 1].map((j) => cloud.reduce((sum, p) => sum + p[j], 0) / cloud.length)); // of the cloud's mean alone
+    k.say(`Your ellipse holds ${(100 * share).toFixed(0)} % of them; 95 % is right. It gets a score of ${mean < 9.95 ? mean.toPrecision(2) : mean.toFixed(0)}, where 2 is right: ` +
+      (mean > 3 ? (mean - own > 3 ? (own > 1 ? "you were too sure, and your ellipse lies beside the cloud." : "you were too sure.") : "your ellipse is large enough, but it lies beside the cloud.")
+        : mean < 1.3 ? "you were too modest." : "an honest ellipse."));
   };
   const restore = (kept) => { before = kept[0]; centre.at = kept[0]; ends.forEach((e, i) => { if (ellipse) e.at = kept[i + 1]; }); draw(); };
   const lock = k.button("Lock it in", () => { const kept = [centre.at, ...ends.map((e) => e.at)]; memory.set(kept); show(kept); again.focus(); });

@@ -1,3 +1,5 @@
+from pathlib import Path
+
 import numpy as np
 import pytest
 
@@ -73,7 +75,14 @@ def test_the_arrow_points_out_of_the_picture(drive, way, degrees, style):
 def test_the_published_page_gets_words_in_place_of_the_widget(drive, monkeypatch):
     monkeypatch.setenv("COURSEKIT_STATIC", "1")
     bundle = drive._repr_mimebundle_()
+    assert bundle["text/plain"].startswith("Recorded drive: press play")
     assert "JupyterLab" in bundle["text/plain"] and "text/markdown" in bundle
+
+
+def test_keys_are_named_only_where_there_is_a_robot_to_drive():
+    notebook = (Path(__file__).parents[3] / "notebooks" / "00_the_world.ipynb").read_text(encoding="utf-8")
+    assert "arrow keys" not in notebook
+    assert "arrow keys" in explorers.Pad._esm
 
 
 @pytest.mark.parametrize("slip", runs.SLIPS)
@@ -131,3 +140,15 @@ def test_the_drawing_of_the_arc_has_every_symbol_of_its_derivation():
         r"$\frac{1}{2}\Delta\theta$",
     ):
         assert symbol in said
+
+
+@pytest.mark.parametrize(("turn", "shape"), [(0.0, "a banana"), (0.6, "ellipse")])
+def test_the_text_may_read_the_shape_that_the_picture_has(endings, turn, shape):
+    place = {"time": 20, "slip": 8, "turn": turn}
+    told = endings.facts(**place)["shape"]
+    assert shape in told and f"has the shape of {told}." in endings.words(**place)
+
+
+@pytest.fixture(scope="module")
+def endings():
+    return explorers.Endings()
