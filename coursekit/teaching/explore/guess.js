@@ -13,8 +13,9 @@
     const off = Math.abs(guess - truth), ratio = off / spread, whose = sigma ? "" : "your ", nees = ratio * ratio;
     const typed = (`${guess}`.split(".")[1] ?? "").length, digits = Math.min(Math.max(typed, off > 0 ? 1 - Math.floor(Math.log10(off)) : 3), 6);
     const shown = Number(truth.toFixed(digits)), apart = Number(Math.abs(guess - shown).toFixed(digits));
-    const word = nees > 3.841 ? "surer than you had reason to be" : nees > 0.004 ? "an honest guess"
-      : sigma ? "nearer than this σ leads one to expect" : "far less sure than you could be, for your σ is far wider than your error";
+    const vague = !sigma && nees < 0.25 && spread > Math.abs(truth);
+    const word = nees > 3.841 ? "surer than you had reason to be" : vague ? "far less sure than you could be, for your σ is wider than the number itself"
+      : sigma && nees < 0.004 ? "nearer than this σ leads one to expect" : "an honest guess";
     return `You said ${plain(guess)} ± ${plain(spread)}. The truth is ${plain(shown)}: ${plain(apart)} off, ${ratio.toFixed(1)} ${whose}σ, ` +
       `a NEES of ${nees < 10 ? nees.toFixed(2) : nees.toFixed(0)}. On average an honest guess has 1, and 95 in 100 stay below 3.84: ${word}.`;
   };
