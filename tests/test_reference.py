@@ -123,6 +123,17 @@ def test_the_first_use_of_a_term_in_a_part_is_linked_and_nothing_else():
     assert links == [("Innovations", "g#i", "The surprise."), ("NIS", "g#n", "Its square.")]
 
 
+def test_words_that_talk_to_a_figure_hold_no_link_to_the_glossary():
+    page, says = nodes.section("", nodes.title("", "Lab")), nodes.raw("", '<says data-link="#read:a?b">', format="html")
+    told = nodes.paragraph(
+        "", "", nodes.Text("It is "), says, nodes.Text("a banana"), nodes.raw("", "</says>", format="html")
+    )
+    plain = nodes.paragraph("", "", nodes.Text("Like a banana."))
+    page += nodes.section("", nodes.title("", "Part"), told, plain)
+    terms.link(page, {"banana": "Bent."}, {"banana": "g#b"})
+    assert [link.parent for link in page.findall(nodes.reference)] == [plain]
+
+
 @pytest.mark.parametrize("path", LABS, ids=lambda p: p.stem)
 def test_a_lab_uses_terms_of_the_glossary(path):
     assert (
