@@ -87,3 +87,21 @@ def test_a_coloured_word_can_be_read_by_day_and_by_night(name, paper):
 def test_contrast_is_that_of_the_standard():
     assert talking.contrast("#000000", "#ffffff") == pytest.approx(21)
     assert talking.contrast("#777777", "#ffffff") == pytest.approx(4.48, abs=0.01)  # known to fail by a hair
+
+
+def test_a_symbol_in_the_words_of_a_button_opens_no_entry():
+    nodes = pytest.importorskip("docutils.nodes")
+    import symbols_in_text
+
+    row = symbols_in_text.symbols.Symbol("00_lab", "$R$", "noise", "m²", "")
+    button = [
+        nodes.raw("", '<says data-link="#set:a?b=1">', format="html"),
+        nodes.Text("smaller "),
+        nodes.math("R", "R"),
+    ]
+    told = nodes.paragraph(
+        "", "", *button, nodes.raw("", "</says>", format="html"), nodes.Text(", then "), nodes.math("R", "R")
+    )
+    page = nodes.section("", nodes.title("", "Part"), told)
+    symbols_in_text.explain(page, {"R": row})
+    assert [told.index(r) for r in told.findall(nodes.raw) if 'class="symbol"' in r.astext()] == [5]

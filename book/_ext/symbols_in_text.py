@@ -17,6 +17,7 @@ from sphinx.application import Sphinx
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tools"))
 import symbols
+from talking import talks
 
 
 def entries(path: Path) -> dict[str, symbols.Symbol]:
@@ -42,7 +43,7 @@ def explain(document: nodes.document, rows: dict[str, symbols.Symbol]) -> None:
             inside = formula
             while inside is not None and not isinstance(inside, (nodes.section, nodes.title, nodes.table)):
                 inside = inside.parent
-            if letter not in rows or letter in seen or inside is not section:
+            if letter not in rows or letter in seen or inside is not section or talks(formula):
                 continue
             seen.add(letter)
             row = rows[letter]

@@ -44,6 +44,14 @@ PAPER, NIGHT = "#ffffff", "#121212"  # what the theme puts behind its text
 READABLE = 4.6  # WCAG asks for a ratio of 4.5
 
 
+def talks(node: nodes.Node) -> bool:
+    """Whether a node stands among the words that set a figure or read from it; a link there would lie in a button."""
+    for before in reversed(node.parent[: node.parent.index(node)]):
+        if isinstance(before, nodes.raw) and before.astext().startswith(("<says", "</says")):
+            return before.astext().startswith("<says")
+    return False
+
+
 def luminance(colour: str) -> float:
     """WCAG's relative luminance."""
     linear = [c / 12.92 if c <= 0.04045 else ((c + 0.055) / 1.055) ** 2.4 for c in to_rgb(colour)]

@@ -12,6 +12,7 @@ from typing import Any
 from docutils import nodes
 from sphinx.application import Sphinx
 from sphinx.environment import BuildEnvironment
+from talking import talks
 
 GLOSSARY = "glossary"
 # Common words of other meanings, or so frequent that a link each time would be noise.
@@ -43,13 +44,6 @@ def pattern(terms: dict[str, str]) -> re.Pattern[str]:
     return re.compile(rf"(?<![\w-])({'|'.join(spelled)})(?:s\b|(?![\w-]))") if spelled else re.compile(r"(?!)")
 
 
-def _talks(text: nodes.Text) -> bool:
-    """Words that set a figure or read from it, between two marks of ``talking``: a link would cut them up."""
-    at = text.parent.index(text)
-    before = text.parent[at - 1] if at else None
-    return isinstance(before, nodes.raw) and before.astext().startswith("<says")
-
-
 def _texts(section: nodes.section) -> list[nodes.Text]:
     """The running text of a part, in order, without titles, code, formulas, tables, links and what talks to figures."""
     found = []
@@ -58,7 +52,7 @@ def _texts(section: nodes.section) -> list[nodes.Text]:
         while above is not None and above is not section and not isinstance(above, PASSED_OVER):
             fits = fits or isinstance(above, nodes.paragraph)
             above = above.parent
-        if fits and above is section and not _talks(text):
+        if fits and above is section and not talks(text):
             found.append(text)
     return found
 
